@@ -2,9 +2,6 @@
 
 import json
 import shutil
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,14 +15,14 @@ from thesis_lib.measure.recordings.media import write_png, write_video
 (WIDTH, HEIGHT), RATE = SIZE, 60
 
 
-def tone(frequency: float = 8.0) -> np.ndarray:
+def tone(frequency=8.0):
     """1.5 s of a force that begins after the rest."""
     t = np.arange(72000) / 48000
     return 0.5 * np.sin(2 * np.pi * frequency * t) * np.clip((t - 0.5) / 0.1, 0, 1)
 
 
 @pytest.fixture(scope="module")
-def recordings(tmp_path_factory) -> Path:
+def recordings(tmp_path_factory):
     """A folder with two cameras' files: noise for images, and no board in any."""
     folder = tmp_path_factory.mktemp("recordings")
     frames = np.random.default_rng(0).integers(0, 256, (9, HEIGHT, WIDTH), np.uint8)
@@ -38,50 +35,48 @@ def recordings(tmp_path_factory) -> Path:
 
 # What can be done to a folder.
 
-Change = Callable[[Path, dict[str, Any]], None]
 
-
-def given(place: str, value: Any = ...) -> Change:
+def given(place, value=...):
     """A field of the manifest by its path; ``...`` leaves it out."""
     return lambda folder, values: change(values, place, value) and None
 
 
-def both(*changes: Change) -> Change:
-    def change(folder: Path, values: dict[str, Any]) -> None:
+def both(*changes):
+    def change(folder, values):
         for one in changes:
             one(folder, values)
 
     return change
 
 
-def cut(name: str, keep: float) -> Change:
+def cut(name, keep):
     """A file that is cut to a share of its length."""
 
-    def change(folder: Path, values: dict[str, Any]) -> None:
+    def change(folder, values):
         whole = (folder / name).read_bytes()
         (folder / name).write_bytes(whole[: int(keep * len(whole))])
 
     return change
 
 
-def renamed(name: str, other: str) -> Change:
+def renamed(name, other):
     return lambda folder, values: (folder / name).rename(folder / other) and None
 
 
-def video(count: int = 90, size: tuple[int, int] = SIZE, sound: Any = None) -> Change:
+def video(count=90, size=SIZE, sound=None):
     """Another video of the second camera."""
 
-    def change(folder: Path, values: dict[str, Any]) -> None:
+    def change(folder, values):
         frames = np.random.default_rng(1).integers(0, 256, (count, *size[::-1]), np.uint8)
         write_video(folder / "B.mkv", frames, RATE, tone() if sound is None else sound)
 
     return change
 
 
-def coded(silent: bool = False, **options: str) -> Change:
+def coded(silent=False, **options):
     """The second camera's video as H.264 in MP4, with x264's options."""
 
-    def change(folder: Path, values: dict[str, Any]) -> None:
+    def change(folder, values):
         values["cameras"][1]["video"] = "B.mp4"
         write_film(folder / "B.mp4", [] if silent else [tone()], frames=90, frame_rate=RATE,
                    pictures="libx264", options=options)  # fmt: skip
@@ -89,14 +84,10 @@ def coded(silent: bool = False, **options: str) -> Change:
     return change
 
 
-def calibration(
-    change: Callable[[list[dict[str, Any]]], Any] = lambda cameras: None,
-    name: str = "c.toml",
-    **asked: Any,
-) -> Change:
+def calibration(change=lambda cameras: None, name="c.toml", **asked):
     """A calibration of both cameras to be reused, in TOML, after a change of its values."""
 
-    def changed(folder: Path, values: dict[str, Any]) -> None:
+    def changed(folder, values):
         cameras = [
             {
                 "name": camera, "size": [WIDTH, HEIGHT],
@@ -117,17 +108,17 @@ def calibration(
     return changed
 
 
-def second(**values: Any) -> Change:
+def second(**values):
     """The second camera of that calibration with other values; None leaves one out."""
 
-    def change(cameras: list[dict[str, Any]]) -> None:
+    def change(cameras):
         cameras[1] = {k: v for k, v in (cameras[1] | values).items() if v is not None}
 
     return calibration(change)
 
 
 WRONG, FAILED = 2, 1  # exit status: the request, or what is in the files
-CASES: dict[str, tuple[Change, int, list[str]]] = {
+CASES = {
     # The manifest.
     "a comma for a point": (given("excitation.frequency_hz", "4,25"), WRONG,
                             ['excitation.frequency_hz: given "4,25"', "in Hz"]),

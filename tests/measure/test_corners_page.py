@@ -1,22 +1,15 @@
 """The page on which corners are clicked: what is clicked is what the manifest gets."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import yaml
-from browser import Opened, open_offline
+from browser import open_offline
 
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.template import corners_page
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
 
 NAMES = ['<b>"left"</b>', "right & 'far'"]
 CORNERS = np.array([[120.0, 90], [520, 130], [470, 250], [90, 200]])
@@ -24,7 +17,7 @@ SIZE = (640, 360)
 
 
 @pytest.fixture
-def manifest(tmp_path: Path) -> Path:
+def manifest(tmp_path):
     image = np.full(SIZE[::-1], 40, np.uint8)
     image[100:200, 120:480] = 200
     cameras = []
@@ -40,25 +33,22 @@ def manifest(tmp_path: Path) -> Path:
     return path
 
 
-def screen(opened: Opened, name: str, point: np.ndarray) -> tuple[float, float]:
+def screen(opened, name, point):
     """Where on the screen a pixel of a frame is."""
     frame = opened.page.get_by_test_id(f"{name}-frame")
     frame.scroll_into_view_if_needed()
     box = frame.bounding_box()
-    assert box is not None
     unit = box["width"] / SIZE[0]
     return box["x"] + point[0] * unit, box["y"] + point[1] * unit
 
 
-def lines(opened: Opened) -> list[str]:
+def lines(opened):
     return opened.page.get_by_test_id("lines").inner_text().splitlines()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 390])
-def test_what_is_clicked_is_accepted_by_the_manifest(
-    chromium: Browser, manifest: Path, width: int
-) -> None:
+def test_what_is_clicked_is_accepted_by_the_manifest(chromium, manifest, width):
     with open_offline(chromium, manifest.with_name("corners.html"), width=width) as opened:
         page, touch = opened.page, width < 600
         for name in NAMES:
@@ -79,7 +69,7 @@ def test_what_is_clicked_is_accepted_by_the_manifest(
         assert np.abs(np.array(camera.corners_px) - CORNERS).max() <= max(1, SIZE[0] / width)
 
 
-def test_corners_are_corrected_by_keys_and_by_dragging(chromium: Browser, manifest: Path) -> None:
+def test_corners_are_corrected_by_keys_and_by_dragging(chromium, manifest):
     """Those of the manifest are there; those of the other camera are put by keys alone."""
     given = read_manifest(manifest, check_files=False)
     first = given.cameras[0].model_copy(update={"corners_px": tuple(map(tuple, CORNERS))})
@@ -89,7 +79,7 @@ def test_corners_are_corrected_by_keys_and_by_dragging(chromium: Browser, manife
     with open_offline(chromium, file, dark=True) as opened:
         page, name = opened.page, NAMES[0]
 
-        def now() -> np.ndarray:
+        def now():
             (line,) = lines(opened)
             return np.array(yaml.safe_load(line)["corners_px"])
 
@@ -114,7 +104,6 @@ def test_corners_are_corrected_by_keys_and_by_dragging(chromium: Browser, manife
         page.mouse.up()
         np.testing.assert_allclose(now() - start, [[0, 0], [0, 0], [40, 30], [0, 0]], atol=1)
         box = page.get_by_test_id(f"{name}-lens").bounding_box()
-        assert box is not None
         start = now()  # in the magnified part eight px of the screen are one of the frame
         page.mouse.click(box["x"] + box["width"] / 2 + 16, box["y"] + box["height"] / 2 - 24)
         np.testing.assert_allclose(now()[2] - start[2], [2, -3], atol=0.25)

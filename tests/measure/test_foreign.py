@@ -55,7 +55,7 @@ class Pair:
 
 
 @pytest.fixture(scope="module")
-def pair() -> Pair:
+def pair():
     pictures = [
         [cv2.imread(str(photographs.FOLDER / name), cv2.IMREAD_GRAYSCALE)
          for name in photographs.FILES if name.startswith(side)]

@@ -6,7 +6,6 @@ import resource
 import shutil
 import signal
 import tracemalloc
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -73,20 +72,20 @@ def rig():
     return example_rig()
 
 
-def names(folder: Path) -> list[str]:
+def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def stamps(folder: Path) -> dict[str, int]:
+def stamps(folder):
     return {path.name: path.stat().st_mtime_ns for path in (folder / ".steps").iterdir()}
 
 
-def results_of(folder: Path) -> xr.Dataset:
+def results_of(folder):
     with xr.open_dataset(folder / "measured.nc") as file:
         return file.load()
 
 
-def assert_same_results(one: xr.Dataset, other: xr.Dataset) -> None:
+def assert_same_results(one, other):
     """Byte by byte, but for what tells when it was made."""
     assert set(one.variables) == set(other.variables)
     for name in one.variables:
@@ -212,7 +211,7 @@ def test_table_and_universal_file_hold_the_cube_s_numbers(conforms, measured, da
 # Folders that are broken, and requests that are wrong: more are in test_bad_input.
 
 
-def line_of(done, status: int) -> str:
+def line_of(done, status):
     """The one line of a command that did not do it."""
     assert done.status == status, done
     assert done.err.endswith("\n")
@@ -394,12 +393,12 @@ def test_odd_names_of_cameras_are_shown_as_they_are(measured, tmp_path, monkeypa
 # Interruptions.
 
 
-def done_of(steps: Path) -> dict[str, int]:
+def done_of(steps):
     """Frames that every camera's tracks have kept."""
     return {path.stem: json.loads(path.read_text())["done"] for path in steps.glob("tracks-*.json")}
 
 
-def goes_on(steps: Path) -> Callable[[], bool]:
+def goes_on(steps):
     """Whether more frames are kept than were at first: the command hears signals by then."""
     first = sum(done_of(steps).values())
     return lambda: sum(done_of(steps).values()) > first

@@ -4,7 +4,6 @@ import json
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +54,7 @@ class Scene:
     recordings: list[Recording]
     manifest: Manifest
 
-    def asked(self, kind: str = "random", modes: Sought | None = None, **force: Any) -> Manifest:
+    def asked(self, kind="random", modes=None, **force):
         """The manifest with a kind of excitation, and fields of the force."""
         at = tuple(1e3 * x for x in self.truth.place)
         given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.5, "at_mm": at}
@@ -67,14 +66,12 @@ class Scene:
         }
         return self.manifest.model_copy(update=changed)
 
-    def responded(self, manifest: Manifest) -> xr.Dataset:
+    def responded(self, manifest):
         """What is found."""
         return estimate_response(manifest, SILENT, self.recordings, self.folder)
 
 
-def scene(
-    folder: Path, newtons, damping, seconds, noise=0.02, heard=None, rates=RATES, place=PLACE
-) -> Scene:
+def scene(folder, newtons, damping, seconds, noise=0.02, heard=None, rates=RATES, place=PLACE):
     """A force is written as it is heard, which may be with noise."""
     truth = Driven(newtons, damping, place)
     found, manifest = recorded(folder, rig(), truth, seconds, rates, noise)

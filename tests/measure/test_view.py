@@ -1,30 +1,21 @@
 """The measured shape that moves in a report: what it shows is what was measured."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from browser import Opened, drag, open_offline
+from browser import drag, open_offline
 
 from thesis_lib.measure.report.build import view_shape
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-
 LENGTH, WIDTH = 0.4, 0.2  # m
 HEAD = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-Show = Callable[..., Any]
 
 
 @pytest.fixture
-def plate() -> xr.Dataset:
+def plate():
     """Eighteen markers in rows; two have no result, and one lags by a quarter of a period."""
     y, x = (one.ravel() for one in np.mgrid[0:WIDTH:3j, 0:LENGTH:6j])
     deflection = 1e-3 * np.cos(np.pi * x / LENGTH)
@@ -43,9 +34,9 @@ def plate() -> xr.Dataset:
 
 
 @pytest.fixture
-def show(chromium: Browser, plate: xr.Dataset, tmp_path: Path) -> Show:
+def show(chromium, plate, tmp_path):
     @contextmanager
-    def opened(**how: Any) -> Iterator[Opened]:
+    def opened(**how):
         file = tmp_path / "view.html"
         shown = f"{HEAD}<body>{view_shape(plate, (LENGTH, WIDTH))}"
         file.write_text(shown, encoding="utf-8")
@@ -57,26 +48,25 @@ def show(chromium: Browser, plate: xr.Dataset, tmp_path: Path) -> Show:
     return opened
 
 
-def dots(opened: Opened) -> np.ndarray[Any, Any]:
+def dots(opened):
     """Where markers are drawn, (markers, 2) in px."""
     places = "all => all.map(one => ['cx', 'cy'].map(name => Number(one.getAttribute(name))))"
     return np.array(opened.page.locator(".tl-dot").evaluate_all(places))
 
 
-def put(opened: Opened, name: str, value: float) -> None:
+def put(opened, name, value):
     opened.page.get_by_test_id(name).evaluate(
         "(one, value) => { one.value = value; one.dispatchEvent(new Event('input')); }", value
     )
 
 
 @pytest.mark.slow
-def test_markers_stand_and_move_as_they_were_measured(show: Show, plate: xr.Dataset) -> None:
+def test_markers_stand_and_move_as_they_were_measured(show, plate):
     known = np.flatnonzero(np.isfinite(plate["deflection"]))
     turned = (plate["deflection"] + 1j * plate["quadrature"]).values[known]
     with show() as opened:
         first = opened.page.locator(".tl-whisker").first
-        drawn = re.match(r"M\S+ ([\d.]+)V([\d.]+)M", str(first.get_attribute("d")))
-        assert drawn is not None
+        drawn = re.match(r"M\S+ ([\d.]+)V([\d.]+)M", first.get_attribute("d"))
         low, high = map(float, drawn.groups())
         put(opened, "strength", 0)
         rest = dots(opened)
@@ -98,7 +88,7 @@ def test_markers_stand_and_move_as_they_were_measured(show: Show, plate: xr.Data
             np.testing.assert_allclose(rise[:, 1], scale * true, atol=0.15)
 
 
-def test_it_turns_by_keys_and_by_dragging_and_follows_the_width(show: Show) -> None:
+def test_it_turns_by_keys_and_by_dragging_and_follows_the_width(show):
     with show() as opened:
         canvas, first = opened.page.get_by_test_id("panel-a"), dots(opened)
         opened.page.wait_for_timeout(300)  # it moves, unless no movement is wanted
@@ -117,7 +107,7 @@ def test_it_turns_by_keys_and_by_dragging_and_follows_the_width(show: Show) -> N
         assert np.ptp(dots(opened)[:, 0]) < 390
 
 
-def test_it_moves_where_movement_is_wanted(show: Show) -> None:
+def test_it_moves_where_movement_is_wanted(show):
     moved = "before => document.querySelector('.tl-dot').getAttribute('cy') !== before"
     with show(still=False) as opened:
         before = opened.page.locator(".tl-dot").first.get_attribute("cy")

@@ -3,14 +3,13 @@
 import wave
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from scenes.modes import BEAM, rig
 from scipy.interpolate import CubicSpline
 from scipy.signal import StateSpace, firwin, lsim, oaconvolve
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array
 from thesis_lib.vibration.motion import Component
 
 FINE = 2000.0  # Hz at which force and modes are computed
@@ -27,7 +26,7 @@ class Driven:
     damping: tuple[float, ...] = (0.03, 0.02)
     place: tuple[float, float] = PLACE  #: m, where the force acts
 
-    def receptance(self, frequency: Array) -> ComplexArray:
+    def receptance(self, frequency):
         """Σ φ(x) φ(x_F) / (m (ω_r² − ω² + 2jζω_rω)), m/N, shape (markers, lines)."""
         omega = 2 * np.pi * np.asarray(frequency)
         total = np.zeros((POINTS.shape[1], len(omega)), complex)
@@ -35,18 +34,18 @@ class Driven:
             total += np.outer(form, gain / (own**2 - omega**2 + 2j * zeta * own * omega))
         return total
 
-    def at(self, times: Array) -> Array:
+    def at(self, times):
         """Deflection at times (..., markers), m."""
         parts = zip(self.coordinates, self._modes, strict=True)
         return np.asarray(sum(q(np.maximum(times, 0)) * form for q, (form, _) in parts), float)
 
     @cached_property
-    def omega(self) -> Array:
+    def omega(self):
         """Natural frequencies, rad/s."""
         return np.asarray(BEAM.angular_frequencies(len(self.damping)), float)
 
     @cached_property
-    def _modes(self) -> list[tuple[Array, float]]:
+    def _modes(self):
         """Shape at the markers, and at the force over the modal mass."""
         found = []
         for n in range(1, len(self.damping) + 1):
@@ -57,7 +56,7 @@ class Driven:
         return found
 
     @cached_property
-    def coordinates(self) -> list[CubicSpline]:
+    def coordinates(self):
         """Of each mode over time, m."""
         t = np.arange(len(self.newtons)) / FINE
         found = []
@@ -69,7 +68,7 @@ class Driven:
         return found
 
 
-def random_force(seconds: float, level: float = 0.1) -> Array:
+def random_force(seconds, level=0.1):
     """Noise up to 45 Hz, of a level in N (rms)."""
     rng = np.random.default_rng(0)
     taps = firwin(2001, 45.0, fs=FINE)
@@ -77,9 +76,7 @@ def random_force(seconds: float, level: float = 0.1) -> Array:
     return np.asarray(level * made / made.std(), float)
 
 
-def swept_force(
-    seconds: float, duration: float, from_hz: float, to_hz: float, level: float = 0.1
-) -> Array:
+def swept_force(seconds, duration, from_hz, to_hz, level=0.1):
     """A sweep of even speed that fades in and out over half a second, then nothing."""
     t = np.arange(int(seconds * FINE)) / FINE
     phase = 2 * np.pi * (from_hz * t + (to_hz - from_hz) * t**2 / (2 * duration))
@@ -87,7 +84,7 @@ def swept_force(
     return np.asarray(level * np.sin(0.5 * np.pi * edge) ** 2 * np.sin(phase), float)
 
 
-def write_wav(path: Path, *channels: Array, rate: int = 2000) -> None:
+def write_wav(path, *channels, rate=2000):
     """Channels in −1…1 as a sound file of 16 bits."""
     table = np.clip(np.rint(np.stack(channels, axis=1) * 32768), -32768, 32767)
     with wave.open(str(path), "wb") as file:

@@ -1,12 +1,11 @@
 """Values of a small manifest, and manifests with one of their values changed."""
 
-from collections.abc import Sequence
 from typing import Any
 
 SIZE = (64, 48)  # width and height, px
 
 
-def plain(cameras: str = "AB", **parts: Any) -> dict[str, Any]:
+def plain(cameras="AB", **parts):
     """The values of a manifest of small videos."""
     return {
         "cameras": [
@@ -19,7 +18,7 @@ def plain(cameras: str = "AB", **parts: Any) -> dict[str, Any]:
     } | parts  # fmt: skip
 
 
-def change(values: dict[str, Any], place: str | Sequence[str | int], value: Any) -> dict[str, Any]:
+def change(values, place, value):
     """The values with one of them changed, at a place as "cameras.0.video"; ``...`` removes it."""
     if isinstance(place, str):
         place = [int(part) if part.isdecimal() else part for part in place.split(".")]

@@ -1,11 +1,9 @@
 """The command ``thesis measure`` as a stranger runs it, and recordings broken on purpose."""
 
 import shutil
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -25,14 +23,14 @@ RESULTS = {
 class Running:
     """The command under way in a process of its own."""
 
-    def __init__(self, *arguments: str | Path) -> None:
+    def __init__(self, *arguments):
         self.process = subprocess.Popen(
             [sys.executable, "-m", "thesis_lib", *map(str, arguments)],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             encoding="utf-8", start_new_session=True, preexec_fn=hears_signals,
         )  # fmt: skip
 
-    def wait_for(self, condition: Callable[[], bool]) -> None:
+    def wait_for(self, condition):
         """Wait until a condition holds while the command is still running."""
         for _ in range(6000):
             if condition():
@@ -42,7 +40,7 @@ class Running:
             time.sleep(0.01)
         pytest.fail("nothing came of it within a minute")
 
-    def end(self, how: signal.Signals | None = None) -> tuple[Done, float]:
+    def end(self, how=None):
         """Wait for the end, after a signal if there is one; also how long that took, in s."""
         start = time.monotonic()
         if how is not None:
@@ -54,26 +52,21 @@ class Running:
         return Done(self.process.returncode, out, err), time.monotonic() - start
 
 
-def copied(folder: Path, to: Path, results: bool = False) -> Path:
+def copied(folder, to, results=False):
     """A copy of a recording that a test may break; times of change stay, so that steps count.
 
-    Parameters
-    ----------
-    folder, to : Path
-        From and to where.
-    results : bool
-        Whether the folder ``measured`` comes along, without its results but with its steps.
+    With `results` the folder ``measured`` comes along, without its results but with its steps.
     """
     unwanted = RESULTS if results else {"measured"}
 
-    def ignored(place: str, names: list[str]) -> set[str]:  # a step may be named like a result
+    def ignored(place, names):  # a step may be named like a result
         return set() if Path(place).name == ".steps" else unwanted & set(names)
 
     shutil.copytree(folder, to, ignore=ignored)
     return to
 
 
-def change_manifest(folder: Path, change: Callable[[dict], object]) -> None:
+def change_manifest(folder, change):
     """Rewrite the manifest."""
     path = folder / "manifest.yaml"
     values = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -84,7 +77,7 @@ def change_manifest(folder: Path, change: Callable[[dict], object]) -> None:
 class Page(HTMLParser):
     """What a page loads, its pictures' descriptions, its text."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         super().__init__()
         self.loaded: list[str] = []
         self.pictures: list[str | None] = []

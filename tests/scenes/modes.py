@@ -1,22 +1,18 @@
 """Tracks of a beam that moves in several modes: projected markers, no pictures."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
-from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.exchange.cameras import Found, as_calibrated
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.board import on_surface
-from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Sought
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
@@ -25,13 +21,6 @@ from thesis_lib.vision import pinhole
 BEAM = setups.thesis_beam()
 DIRECTIONS = [(-60.0, 25.0), (-20.0, 35.0), (25.0, 30.0), (65.0, 40.0)]
 RATES = (60.0, 50.0, 29.97, 60.0)  # frames per second
-
-
-class Motion(Protocol):
-    """What moves the markers."""
-
-    def at(self, times: Array) -> Array:
-        """Deflection at times (..., markers), m."""
 
 
 @dataclass(frozen=True)
@@ -43,30 +32,27 @@ class Truth:
     shape: ComplexArray  #: m, (modes, markers)
 
     @property
-    def poles(self) -> ComplexArray:
+    def poles(self):
         """1/s."""
         turn = 1j * np.sqrt(1 - self.damping**2)
         return np.asarray(2 * np.pi * self.frequency * (turn - self.damping), complex)
 
-    def at(self, times: Array) -> Array:
+    def at(self, times):
         """Deflection at times (..., markers), m."""
         parts = zip(self.poles, self.shape, strict=True)
         return np.asarray(sum(np.real(own * np.exp(pole * times)) for pole, own in parts), float)
 
-    def shape_at(self, zero: float) -> ComplexArray:
+    def shape_at(self, zero):
         """The shapes as they are at a time."""
         return np.asarray(self.shape * np.exp(self.poles * zero)[:, None], complex)
 
 
-def rig(cameras: int = 4) -> Rig:
+def rig(cameras=4):
     """Cameras of 1280 × 720 px around the thesis's beam."""
     return default_rig(BEAM, DIRECTIONS[:cameras], size=(1280, 720))
 
 
-def beam_modes(
-    damping: tuple[float, ...] = (0.01, 0.006, 0.004),
-    amplitude: tuple[complex, ...] = (2e-3, 1e-3j, -8e-4),
-) -> Truth:
+def beam_modes(damping=(0.01, 0.006, 0.004), amplitude=(2e-3, 1e-3j, -8e-4)):
     """The beam's first modes at the markers, amplitudes at the tip in m."""
     count = len(damping)
     points = rig().markers.centres
@@ -76,17 +62,17 @@ def beam_modes(
 
 
 def tracks(
-    own: Rig,
-    truth: Motion,
-    seconds: float = 4.0,
-    rates: tuple[float, ...] = RATES,
-    readout: float = 0.012,
-    exposure: float = 1 / 500,
-    noise: float = 0.02,
-    lost: float = 0.0,
-    seed: int = 0,
-    off: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
-) -> list[Track]:
+    own,
+    truth,
+    seconds=4.0,
+    rates=RATES,
+    readout=0.012,
+    exposure=1 / 500,
+    noise=0.02,
+    lost=0.0,
+    seed=0,
+    off=(0.0, 0.0, 0.0, 0.0),
+):
     """What the cameras see: each at its rate from its own start, rows and exposure as they are.
 
     Camera c's clock says `off[c]` seconds too much.
@@ -114,7 +100,7 @@ def tracks(
     return found
 
 
-def rest(own: Rig) -> Rest:
+def rest(own):
     """The markers at rest."""
     world = on_surface(own.markers.extent, own.markers.centres)
     images = np.array(
@@ -125,15 +111,7 @@ def rest(own: Rig) -> Rest:
     return Rest(images, frame, points, own.markers.centres, BEAM.thickness)
 
 
-def recorded(
-    folder: Path,
-    own: Rig,
-    truth: Motion,
-    seconds: float = 3,
-    rates: tuple[float, ...] = RATES,
-    noise: float = 0.02,
-    seed: int = 0,
-) -> tuple[list[Recording], Manifest]:
+def recorded(folder, own, truth, seconds=3, rates=RATES, noise=0.02, seed=0):
     """The same as `measure` leaves it: half a second of rest, then the motion, tracks on disk."""
     found = []
     for k, (track, station) in enumerate(
@@ -165,7 +143,7 @@ def recorded(
     return found, manifest.model_copy(update={"excitation": excitation})
 
 
-def calibration_of(recordings: list[Recording]) -> xr.Dataset:
+def calibration_of(recordings):
     """These cameras as a calibration that does not tell how exact it is."""
     found = Found([own.camera for own in recordings], placed=True)
     return uncertainty.read_deviations(as_calibrated(found), found.covariance)

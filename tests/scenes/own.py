@@ -1,15 +1,13 @@
 """Recordings as someone else would make them: other structures, markers, boards and sound."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory.recording_files import manifest_of, render_board_images
 from thesis_lib.laboratory.render import Sensor
-from thesis_lib.laboratory.rig import Rig, default_poses, default_rig
+from thesis_lib.laboratory.rig import default_poses, default_rig
 from thesis_lib.measure.pipeline import fit_deflection, record_tracks
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
@@ -24,7 +22,7 @@ SHOTS = 10
 RATE = 48000
 
 
-def short_rig(structure, directions, component, steady=0.6, **given) -> Rig:
+def short_rig(structure, directions, component, steady=0.6, **given):
     """A rig that films a rest, a short rise and a steady part of so many seconds."""
     rig = default_rig(structure, directions, components=(component,), size=(960, 540), **given)
     rotations, translations = default_poses()
@@ -37,7 +35,7 @@ def short_rig(structure, directions, component, steady=0.6, **given) -> Rig:
                    rotations=rotations[chosen], translations=translations[chosen])  # fmt: skip
 
 
-def corners_px(rig: Rig, index: int) -> tuple[tuple[float, float], ...]:
+def corners_px(rig, index):
     """The structure's corners as a person would read them off a picture, to whole pixels."""
     length, width = rig.markers.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
@@ -45,9 +43,7 @@ def corners_px(rig: Rig, index: int) -> tuple[tuple[float, float], ...]:
     return tuple((float(round(u)), float(round(v))) for u, v in uv.T)
 
 
-def make(
-    folder: Path, rig: Rig, excitation: dict, *, sound=None, corners=False, board_sensor=None
-) -> Path:
+def make(folder, rig, excitation, *, sound=None, corners=False, board_sensor=None):
     """Write videos, pictures of the board and the manifest, of one's own making."""
     cameras = []
     manifest = manifest_of(rig)
@@ -69,7 +65,7 @@ def make(
     return folder / "manifest.yaml"
 
 
-def shape_of(manifest: Path, steps: Path) -> xr.Dataset:
+def shape_of(manifest, steps):
     """What a measurement finds, without its report and the other files."""
     given = read_manifest(manifest)
     return fit_deflection(given, record_tracks(given, manifest.parent, steps, lambda line: None))[0]

@@ -1,38 +1,32 @@
 """Recordings of a beam that is tapped: rendered to video files, with claps."""
 
 import json
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scenes.driven import write_wav
 from scenes.modes import BEAM
 
-from thesis_lib.arrays import Array, Image
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of
-from thesis_lib.laboratory.render import BeamView, Light, Sensor, collect_light
-from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.laboratory.render import BeamView, Sensor, collect_light
+from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange.cameras import write_opencv
-from thesis_lib.measure.recordings.board import Markers, on_surface
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.studies.workers import map_in_pairs
-from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import pinhole
-from thesis_lib.vision.pinhole import Camera
 
 CLAPS = (0.4, 0.47, 0.61, 1.05, 1.5)  # s of the world
 DIRECTIONS = [(-10.0, 22.0), (10.0, 22.0), (170.0, 22.0)]  # three of chapter 5
 
 
-def beam_rig() -> Rig:
+def beam_rig():
     """The thesis's beam before three of the cameras of chapter 5, of 1280 × 720 px."""
     sensor = Sensor(exposure=1 / 1000, samples=3, shot=0.02, read=0.7)
     return default_rig(BEAM, DIRECTIONS, size=(1280, 720), sensor=sensor)
 
 
-def heard(times: Array, seed: int) -> Array:
+def heard(times, seed):
     """What a microphone hears at times of the world: claps, and a little noise."""
     length = SAMPLE_RATE_HZ // 100
     fades = np.exp(-np.arange(length) / 80)
@@ -46,7 +40,7 @@ def heard(times: Array, seed: int) -> Array:
     )
 
 
-def force_heard(rig: Rig, folder: Path, place: tuple[float, float]) -> dict[str, Any]:
+def force_heard(rig, folder, place):
     """Write the force beside what a microphone hears; returns what a manifest says of it."""
     world = np.arange(int((rig.duration + 0.5) * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
     newtons = rig.motion.force(world)
@@ -59,15 +53,13 @@ def force_heard(rig: Rig, folder: Path, place: tuple[float, float]) -> dict[str,
 class RollingView(BeamView):
     """A camera whose rows are exposed one after the other: each point at the time of its row."""
 
-    def __init__(
-        self, camera: Camera, markers: Markers, motion: Motion, sensor: Sensor, readout: float
-    ) -> None:
+    def __init__(self, camera, markers, motion, sensor, readout):
         super().__init__(camera, markers, motion, sensor)
         self.readout = readout
         rest = pinhole.project_points(camera, on_surface(markers.extent, self.points))
         self.late = readout * (rest[1] / camera.size[1] - 0.5)
 
-    def collect_light(self, time: float) -> Light:
+    def collect_light(self, time):
         """Collect the light around a time in s of the motion, that of the middle row."""
         samples, late = self.sensor.samples, self.late
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
@@ -81,7 +73,7 @@ class RollingView(BeamView):
         return collect_light(uv, self.polygons, self.camera.size, self.sensor)
 
 
-def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
+def rolling_frames(rig, index, readout):
     """Render the frames of one camera whose rows are read in `readout` s."""
     station = rig.stations[index]
     view = RollingView(station.camera, rig.markers, rig.motion, station.sensor, readout)
@@ -89,10 +81,10 @@ def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
         yield view.frame(station.start + k / station.frame_rate, rig.generator(1, index, k))
 
 
-def written(rig: Rig, folder: Path, readout: float, **changes: Mapping[str, Any]) -> Path:
+def written(rig, folder, readout, **changes):
     """Write videos, the true cameras and a manifest with changes; returns the latter."""
 
-    def one(index: int) -> None:
+    def one(index):
         station = rig.stations[index]
         times = station.start + np.arange(int(rig.duration * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
         path = folder / f"{station.camera.name}.mkv"

@@ -21,7 +21,7 @@ CALIBRATION = "left_intrinsics.yml"
 PACKAGE = "opencv-python-headless"
 
 
-def fetch() -> None:
+def fetch():
     """Put the photographs into FOLDER; nothing is built or installed."""
     lock = (PROJECT / "requirements.lock").read_text(encoding="utf-8")
     pinned = re.findall(rf"^{PACKAGE}==(?:.*\\\n)+.*\n", lock, re.MULTILINE)  # by platform
@@ -42,9 +42,7 @@ def fetch() -> None:
             for member in tar:
                 path = Path(member.name)
                 if path.parent.parts[1:] == ("opencv", "samples", "data") and path.name in left:
-                    source = tar.extractfile(member)
-                    assert source is not None
-                    (FOLDER / path.name).write_bytes(source.read())
+                    (FOLDER / path.name).write_bytes(tar.extractfile(member).read())
                     left.remove(path.name)
     assert not left, f"not in {PACKAGE}: {sorted(left)}"
 

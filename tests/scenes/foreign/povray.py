@@ -7,10 +7,8 @@ telephone is held upright: its frames lie on their side, and the file says how t
 
 import shutil
 import subprocess
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -40,19 +38,19 @@ class Phone:
     turned: bool = False  # whether it is held upright
 
     @property
-    def axes(self) -> np.ndarray:
+    def axes(self):
         """To the right, down and forward, as rows."""
         forward = -np.array(self.centre) / np.linalg.norm(self.centre)
         right = np.cross(forward, [0, 0, 1.0])
         right /= np.linalg.norm(right)
         return np.array([right, np.cross(forward, right), forward])
 
-    def seen(self, points: np.ndarray) -> np.ndarray:
+    def seen(self, points):
         """Places (2, n) in px of points (3, n) in m."""
         x, y, z = self.axes @ (points - np.array(self.centre)[:, None])
         return np.array([FOCAL * x / z + self.size[0] / 2, FOCAL * y / z + self.size[1] / 2])
 
-    def stamps(self) -> np.ndarray:
+    def stamps(self):
         """When its frames are taken after its start, s: early and late by milliseconds."""
         rng = np.random.default_rng(int(self.rate))
         t = np.arange(int(SECONDS * self.rate)) / self.rate
@@ -60,7 +58,7 @@ class Phone:
         return t - t[0]
 
     @property
-    def scene(self) -> str:
+    def scene(self):
         """POV-Ray's camera."""
         right, down, forward = self.axes
         wide, high = (side / FOCAL for side in self.size)
@@ -76,33 +74,33 @@ PHONES = (
 )
 
 
-def vector(values: Sequence[float]) -> str:
+def vector(values):
     return "<" + ",".join(f"{v:.9g}" for v in values) + ">"
 
 
-def marker_places() -> np.ndarray:
+def marker_places():
     """Markers from the plate's first corner, (2, n), row by row, m."""
     x = LENGTH / 2 + (np.arange(COLUMNS) - (COLUMNS - 1) / 2) * SPACING
     y = WIDTH / 2 + (np.arange(ROWS) - (ROWS - 1) / 2) * SPACING
     return np.stack([np.tile(x, ROWS), np.repeat(y, COLUMNS)])
 
 
-def shape(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def shape(x, y):
     """Deflection over its largest, of a plate on simple supports in its mode (2, 1)."""
     return np.sin(2 * np.pi * x / LENGTH) * np.sin(np.pi * y / WIDTH)
 
 
-def truth() -> np.ndarray:
+def truth():
     """The deflection of every marker, m."""
     return AMPLITUDE * shape(*marker_places())
 
 
-def envelope(t: np.ndarray) -> np.ndarray:
+def envelope(t):
     s = np.clip((t - REST - max(phone.start for phone in PHONES)) / RAMP, 0, 1)
     return s**3 * (10 - 15 * s + 6 * s * s)
 
 
-def rendered(folder: Path, scene: str, size: tuple[int, int], frames: int = 1) -> list[np.ndarray]:
+def rendered(folder, scene, size, frames=1):
     """The pictures of a scene, grey, (height, width)."""
     folder.mkdir(parents=True, exist_ok=True)
     head = "#version 3.7;\nglobal_settings { assumed_gamma 1 ambient_light 1 }\n"
@@ -118,11 +116,11 @@ def rendered(folder: Path, scene: str, size: tuple[int, int], frames: int = 1) -
     return [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files]
 
 
-def flat(grey: float) -> str:
+def flat(grey):
     return f"pigment {{ rgb {grey} }} finish {{ ambient 1 diffuse 0 }}"
 
 
-def plate_scene(phone: Phone, deflections: np.ndarray) -> str:
+def plate_scene(phone, deflections):
     """The plate as facets with a deflection that is each frame's, and its markers as discs."""
     x, y = np.linspace(0, LENGTH, 33), np.linspace(0, WIDTH, 17)
     lines = [
@@ -153,10 +151,10 @@ def plate_scene(phone: Phone, deflections: np.ndarray) -> str:
     return "\n".join(lines)
 
 
-def board_scene(phone: Phone, R: np.ndarray, t: np.ndarray) -> str:
+def board_scene(phone, R, t):
     """A checkerboard with a white margin."""
 
-    def sheet(x0: float, y0: float, x1: float, y1: float, z: float, grey: float) -> str:
+    def sheet(x0, y0, x1, y1, z, grey):
         corners = [R @ [x, y, z] + t for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
         a, b, c, d = map(vector, corners)
         return f"mesh {{ triangle {{ {a},{b},{c} }} triangle {{ {a},{c},{d} }} {flat(grey)} }}"
@@ -171,7 +169,7 @@ def board_scene(phone: Phone, R: np.ndarray, t: np.ndarray) -> str:
     return "\n".join(lines)
 
 
-def poses(count: int = 9) -> list[tuple[np.ndarray, np.ndarray]]:
+def poses(count=9):
     """Turns and places of the board, tilted to all sides, its middle near the plate's."""
     k = np.arange(count)
     tilt, way = np.radians(9 + 7.0 * (k % 3)), 2.4 * k
@@ -184,7 +182,7 @@ def poses(count: int = 9) -> list[tuple[np.ndarray, np.ndarray]]:
     return found
 
 
-def film(folder: Path) -> Path:
+def film(folder):
     """Render and code all that is filmed; the manifest."""
     rng = np.random.default_rng(4)
     for phone in PHONES:
@@ -204,13 +202,13 @@ def film(folder: Path) -> Path:
     return path
 
 
-def noisy(picture: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def noisy(picture, rng):
     """A picture slightly out of focus, with the noise of a sensor."""
     soft = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 0.6)
     return np.clip(np.rint(soft + 1.2 * rng.standard_normal(soft.shape)), 0, 255).astype(np.uint8)
 
 
-def write(path: Path, phone: Phone, frames, stamps: np.ndarray) -> None:
+def write(path, phone, frames, stamps):
     """H.264 in colour at frames' own times, with the force as AAC; turned if the phone was."""
     t = np.arange(int(SECONDS * SOUND_RATE)) / SOUND_RATE + phone.start
     sound = 0.4 * envelope(t) * np.cos(2 * np.pi * FREQUENCY * t)
@@ -224,7 +222,7 @@ def write(path: Path, phone: Phone, frames, stamps: np.ndarray) -> None:
         turn_film(path, path, (0, 1, -1, 0))
 
 
-def manifest() -> dict:
+def manifest():
     """What a user would write."""
     corner = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
     corners = corner * np.array([[LENGTH], [WIDTH], [0]])

@@ -6,7 +6,6 @@ The truth is OpenCV's: `cv2.projectPoints` says where everything is in the pictu
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from scenes.foreign.rays import Eye, Film, Strip, grey, looking
@@ -40,7 +39,7 @@ def force(t):
     return 0.4 * envelope(t) * np.cos(2 * np.pi * FREQUENCY * (t - START))
 
 
-def eyes() -> list[Eye]:
+def eyes():
     """Three cameras above the beam that are alike, but not the same."""
     size = (960, 540)
     return [
@@ -73,7 +72,7 @@ class Scene:
         times = self.starts[camera] + STAMPS
         return np.array([self.eyes[camera].project(self.strip.world(tip(t))) for t in times])
 
-    def film(self, folder: Path) -> None:
+    def film(self, folder):
         """Write the videos and the cameras."""
         with ThreadPoolExecutor(2) as pool:
             list(pool.map(lambda i: self._film(i, folder), range(len(self.eyes))))
@@ -94,7 +93,7 @@ class Scene:
         write_film(folder / f"{eye.name}.mkv", [clean + spread * noise], SOUND_RATE, frames=frames,
                    frame_rate=RATE, pictures="ffv1", pix_fmt="gray", codec="pcm_s16le")  # fmt: skip
 
-    def manifest(self) -> Manifest:
+    def manifest(self):
         """What the files are; the structure is the thesis's beam."""
         return Manifest(
             cameras=tuple(
