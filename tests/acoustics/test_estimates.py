@@ -16,7 +16,6 @@ ROWS = RNG.normal(size=(3, N)) + 1j * RNG.normal(size=(3, N))
 SPREAD = RNG.normal(size=(2 * N, 2 * N)) * 0.15
 TRUE = RNG.normal(size=N) + 1j * RNG.normal(size=N)
 FORM = np.real(np.conj(ROWS).T @ ROWS)
-OTHER = np.eye(N)
 
 
 def drawn(scale=1.0):
@@ -37,9 +36,8 @@ def judged(found, truth, conforms, unbiased=0.0):
 
 def test_powers_are_unbiased_and_their_errors_are_those_of_draws(conforms):
     measured, C = drawn(0.4)
-    found = [
-        estimates.estimate_quadratic_form(FORM, estimates.Amplitudes(w, C)) for w in measured[:3000]
-    ]
+    every = [estimates.Amplitudes(w, C) for w in measured[:3000]]
+    found = [estimates.estimate_quadratic_form(FORM, one) for one in every]
     judged(found, np.real(np.conj(TRUE) @ FORM @ TRUE), conforms)
 
 
@@ -83,18 +81,16 @@ def test_quotients_and_absolute_values(conforms):
     measured, C = drawn(0.2)
     each = [estimates.Amplitudes(w, C) for w in measured[:3000]]
     truth = np.real(np.conj(TRUE) @ FORM @ TRUE) / np.sum(np.abs(TRUE) ** 2)
-    judged(
-        [estimates.estimate_ratio(FORM, OTHER, one) for one in each], truth, conforms, 0.01 * truth
-    )
+    ratios = [estimates.estimate_ratio(FORM, np.eye(N), one) for one in each]
+    judged(ratios, truth, conforms, 0.01 * truth)
     pressures = [estimates.estimate_magnitude(ROWS, one) for one in each]
     judged(pressures, np.abs(ROWS @ TRUE), conforms, 0.01)
 
 
 def test_what_all_amplitudes_share_does_not_average_out(conforms):
     w = np.full(400, 1 + 1j)
-    alone = estimates.estimate_quadratic_form(
-        np.eye(400), estimates.circular_estimate(w, np.full(400, 1e-4))
-    )
+    noisy = estimates.circular_estimate(w, np.full(400, 1e-4))
+    alone = estimates.estimate_quadratic_form(np.eye(400), noisy)
     conforms.closed_form(alone.error / alone.value, 2 * 0.01 / np.sqrt(800), rtol=2e-3)
     common = estimates.circular_estimate(w, np.zeros(400), 0.01 * w[None])
     shared = estimates.estimate_quadratic_form(np.eye(400), common)

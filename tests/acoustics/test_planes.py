@@ -31,9 +31,6 @@ def random_velocity(n, seed=0):
     return rng.normal(size=n) + 1j * rng.normal(size=n)
 
 
-# Points.
-
-
 def test_points_of_the_planes_are_those_of_the_reading(conforms):
     study = validate_request("sound-distance", {})
     assert study.planes == (plane_of("XZ"), plane_of("YZ"))
@@ -58,9 +55,6 @@ def test_pistons_are_the_plates_cells_about_its_centre(conforms):
     conforms.closed_form(parts.centres, PLATE.markers - [[0.334], [0.2215]], atol=1e-15)
 
 
-# The operator.
-
-
 @pytest.mark.parametrize("columns", [1, 7, 8])
 @pytest.mark.parametrize("grid", [(6, 4), (7, 5), (1, 1), (2, 1)])
 @pytest.mark.parametrize("name", NAMES)
@@ -73,9 +67,6 @@ def test_operator_is_rayleighs_integral_for_even_and_odd_numbers(conforms, name,
     field = plane_operator(plate, plane, omega, water).field(v)
     assert field.shape == (columns, 4)
     conforms.independent(field, exact, atol=1e-13 * np.max(np.abs(exact)))
-
-
-# Its rms.
 
 
 def rms(op, velocity):
@@ -93,9 +84,6 @@ def test_rms_is_that_of_the_direct_sum(conforms, name, grid, columns):
     kernel = transfer_pressure(plate_pistons(plate), plane.points, omega).reshape(columns * 33, -1)
     exact = np.sqrt(np.mean(np.abs(v @ kernel.T) ** 2, axis=1))
     conforms.independent(rms(op, v), exact, rtol=1e-12)
-
-
-# Symmetries and nodal planes.
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3])

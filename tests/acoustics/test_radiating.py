@@ -19,18 +19,11 @@ FACTOR = full_factor(plane_operator(PLATE, PLANE, OMEGA))
 MODES = radiation.radiation_modes(FACTOR)
 
 
-def covariance(seed=0):
-    """Some errors that go together."""
-    some = np.random.default_rng(seed).normal(size=(150, 40))
-    return some @ some.T
-
-
 def test_radiation_modes_are_orthogonal_and_the_same_form(conforms):
     norms = np.linalg.norm(MODES, axis=1)
     assert np.all(np.diff(norms) <= 0)
-    conforms.closed_form(
-        MODES @ MODES.T / norms[0] ** 2, np.diag(norms**2 / norms[0] ** 2), atol=1e-13
-    )
+    gram = MODES @ MODES.T / norms[0] ** 2
+    conforms.closed_form(gram, np.diag(norms**2 / norms[0] ** 2), atol=1e-13)
     v = np.random.default_rng(1).normal(size=(7, 150))
     found, exact = (np.linalg.norm(v @ F.T, axis=1) for F in (MODES, FACTOR))
     conforms.invariance(found, exact, rtol=1e-12)
@@ -39,9 +32,8 @@ def test_radiation_modes_are_orthogonal_and_the_same_form(conforms):
 def test_only_its_own_mode_hears_a_radiation_mode(conforms):
     """The field of one is orthogonal, over the plane, to the field of any other."""
     ways = MODES[:4] / np.linalg.norm(MODES[:4], axis=1, keepdims=True)
-    fields = [
-        rayleigh_pressure(plate_pistons(PLATE), way, PLANE.points, OMEGA).ravel() for way in ways
-    ]
+    pistons = plate_pistons(PLATE)
+    fields = [rayleigh_pressure(pistons, way, PLANE.points, OMEGA).ravel() for way in ways]
     together = np.real(np.conj(fields) @ np.transpose(fields)) / PLANE.points[0].size
     expected = np.diag(np.sum(MODES[:4] ** 2, axis=1))
     conforms.independent(together / together[0, 0], expected / expected[0, 0], atol=1e-12)
@@ -52,8 +44,9 @@ def test_coherence_is_1_of_independent_errors_and_bounded_by_the_loudest_mode(co
     most = np.sqrt(150 * np.sum(MODES[0] ** 2) / np.sum(MODES**2))
     loudest = np.outer(MODES[0], MODES[0])
     conforms.closed_form(radiation.coherence_ratio(FACTOR, loudest), most, rtol=1e-12)
-    for seed in range(5):
-        conforms.closed_form(radiation.coherence_ratio(FACTOR, covariance(seed)), below=most)
+    for seed in range(5):  # some errors that go together
+        some = np.random.default_rng(seed).normal(size=(150, 40))
+        conforms.closed_form(radiation.coherence_ratio(FACTOR, some @ some.T), below=most)
 
 
 def drawn_errors(turn):
@@ -66,9 +59,8 @@ def drawn_errors(turn):
     shift = qmc.Sobol(4, rng=0).random_base2(11).reshape(-1, 2, 2) - 0.5
     shift = np.moveaxis(shift, 0, 2)[..., None]
     images = project(rig.P, points)
-    rest, moved = (
-        triangulate(rig.P, np.rint(images[:, :, i, None] + shift) - shift)[2] for i in (0, 1)
-    )
+    whole = np.rint(images[:, :, :, None] + shift[:, :, None]) - shift[:, :, None]
+    rest, moved = triangulate(rig.P, whole)[2]
     return moved - rest - w, rounding.deflection_covariance(rig.P, points[:, 0], points[:, 1])
 
 

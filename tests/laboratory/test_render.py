@@ -11,28 +11,20 @@ from scenes.discs import camera, disc_centroids
 from scipy.special import ndtr
 
 from thesis_lib.facts import setups
-from thesis_lib.laboratory.render import (
-    SUBPIXELS_PER_PIXEL,
-    BeamView,
-    Polygons,
-    Sensor,
-    collect_light,
-    rasterise_polygons,
-    render_board,
-)
+from thesis_lib.laboratory import render
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.vibration.motion import Component, Motion
 
 BEAM = setups.thesis_beam()
-SHARP = Sensor(spread=0.0, samples=1)
+SHARP = render.Sensor(spread=0.0, samples=1)
 SIZE = (40, 30)
 
 
 def one(uv, contrast=1.0, size=SIZE):
     """Coverage by one polygon."""
-    return rasterise_polygons(
-        np.asarray(uv, float), Polygons(np.array([0]), np.array([contrast])), *size
+    return render.rasterise_polygons(
+        np.asarray(uv, float), render.Polygons(np.array([0]), np.array([contrast])), *size
     )
 
 
@@ -81,9 +73,6 @@ def by_clipping(uv):
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-# Areas.
-
-
 @pytest.mark.parametrize("middle", [(20, 15), (2, 28), (38.3, 4.1), (-3, 12)])
 def test_coverage_is_the_area_of_the_polygon_in_each_pixel(conforms, middle):
     """Also of polygons that are partly out of the picture."""
@@ -111,8 +100,8 @@ def test_vertices_and_sides_may_lie_on_the_borders_of_pixels(conforms, share):
 def square(grey=100.0, sensor=SHARP, rng=None, size=(400, 300)):
     """An image that is of one grey level in the middle."""
     uv = np.array([[50.0, 350, 350, 50], [50, 50, 250, 250]])
-    polygons = Polygons(np.array([0]), np.array([grey - sensor.background]))
-    return collect_light(uv, polygons, size, sensor).recorded(sensor, rng)
+    polygons = render.Polygons(np.array([0]), np.array([grey - sensor.background]))
+    return render.collect_light(uv, polygons, size, sensor).recorded(sensor, rng)
 
 
 @pytest.mark.parametrize(
@@ -135,24 +124,25 @@ def test_noise_is_white_with_the_variance_of_photons_and_of_reading(conforms, gr
 @pytest.mark.parametrize("place", [50.0, 50.3])
 def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place):
     uv = np.array([[place, 350, 350, place], [50, 50, 250, 250]])
-    polygons = Polygons(np.array([0]), np.array([140.0]))
+    polygons = render.Polygons(np.array([0]), np.array([140.0]))
     sensor = replace(SHARP, spread=spread)
-    row = collect_light(uv, polygons, (400, 300), sensor).recorded(sensor)[150, 30:70]
+    row = render.collect_light(uv, polygons, (400, 300), sensor).recorded(sensor)[150, 30:70]
     u = np.arange(30, 70)
     to = (np.stack([u, u + 1]) - place) / spread
     bell = np.exp(-0.5 * to**2) / np.sqrt(2 * np.pi)
     exact = 60 + 140 * spread * np.diff(to * ndtr(to) + bell, axis=0)[0]
     # The trapezoidal rule on the finer grid errs by its step squared over 12 at each kink.
-    by_grid = 140 / (12 * SUBPIXELS_PER_PIXEL**2) * np.abs(np.diff(bell, axis=0)).max() / spread
+    by_grid = (
+        140 / (12 * render.SUBPIXELS_PER_PIXEL**2) * np.abs(np.diff(bell, axis=0)).max() / spread
+    )
     conforms.closed_form(row, exact, atol=0.6 + by_grid)
-
-
-# The beam.
 
 
 def view(motion=None, sensor=None, markers=None, at=None):
     markers = markers or rows_on(BEAM)
-    return BeamView(at or camera(), markers, motion or Motion(BEAM), sensor or Sensor())
+    return render.BeamView(
+        at or camera(), markers, motion or Motion(BEAM), sensor or render.Sensor()
+    )
 
 
 def grey_centroids(image, where, white, half):
@@ -175,7 +165,7 @@ ROW = rows_on(ROW_BEAM, rows=1, hole=None)  # room to integrate
 def test_markers_are_where_their_discs_on_the_deflected_surface_project_to(conforms, azimuth, time):
     parts = (Component(), Component("torsion", 1, 6.0, 0.002))
     motion, at = Motion(ROW_BEAM, parts), camera(azimuth)
-    sensor = replace(Sensor(), samples=1, white=250, dark=0)  # rounding matters least
+    sensor = replace(render.Sensor(), samples=1, white=250, dark=0)  # rounding matters least
     image = view(motion, sensor, ROW, at).frame(time)
     assert image.dtype == np.uint8
     assert image.shape == (1080, 1920)
@@ -192,7 +182,7 @@ def test_markers_are_where_their_discs_on_the_deflected_surface_project_to(confo
 def test_an_exposure_shrinks_a_vibration_by_sinc(conforms):
     motion, at, exposure = Motion(ROW_BEAM), camera(), 1 / 30
     peak = motion.start + 10.25 / 4.25
-    sensor = replace(Sensor(), exposure=exposure, samples=16)
+    sensor = replace(render.Sensor(), exposure=exposure, samples=16)
     moving = view(motion, sensor, ROW, at)
 
     def centroid(time):
@@ -220,16 +210,13 @@ def test_a_beam_partly_out_of_view_is_the_part_of_a_larger_picture(conforms):
     )
 
 
-# The board.
-
-
 @pytest.mark.slow
 @pytest.mark.few(1)
 @pytest.mark.parametrize("pose", [0, 9])
 def test_a_board_is_what_counting_samples_makes_of_it(conforms, pose):
     R, t = (part[pose] for part in default_poses())
     at = camera(size=(640, 360))
-    image = render_board(at, Board(), R, t, replace(Sensor(), background=90.0))
+    image = render.render_board(at, Board(), R, t, replace(render.Sensor(), background=90.0))
     counted = picture(at, R, t, samples=512)
     assert image.shape == (360, 640)
     difference = (image - counted)[4:-4, 4:-4]  # the spread mirrors what is beyond the border

@@ -5,14 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scenes import jackknife
 from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
-from scenes.jackknife import (
-    deviations_of,
-    differences,
-    of_covariance,
-    refitted,
-    transform_adjustment,
-)
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
@@ -214,8 +208,8 @@ def calibrated(kind, shots, seed):
     uv = exact_images(rig(), turns @ rotations[pick], places)
     uv = uv + off(kind, uv.shape, rng)
     full = adjust_bundle(uv, POINTS, rig())
-    stated = deviations_of(jackknife_cameras(uv, POINTS, full))
-    return differences(full.cameras, rig()), stated, deviations_of(full)
+    stated = jackknife.deviations_of(jackknife_cameras(uv, POINTS, full))
+    return jackknife.differences(full.cameras, rig()), stated, jackknife.deviations_of(full)
 
 
 @pytest.mark.slow
@@ -261,8 +255,8 @@ def test_it_is_the_full_jackknife_without_a_refit(conforms, cameras):
     uv = uv + off("bent, tails", uv.shape, np.random.default_rng(3))
     uv[0, 4] = np.nan if len(cameras) > 1 else uv[0, 4]
     full = adjust_bundle(uv, POINTS, [rig()[k] for k in cameras])
-    stated = of_covariance(jackknife_cameras(uv, POINTS, full))
-    conforms.independent(stated / refitted(uv, POINTS, full), 1, atol=0.1)
+    stated = jackknife.of_covariance(jackknife_cameras(uv, POINTS, full))
+    conforms.independent(stated / jackknife.refitted(uv, POINTS, full), 1, atol=0.1)
 
 
 def test_frame_and_order_do_not_matter(conforms):
@@ -270,7 +264,8 @@ def test_frame_and_order_do_not_matter(conforms):
     full = adjust_bundle(uv, POINTS, rig())
     R, t = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.array([2.0, -1.0, 0.5])
     own, other = (
-        jackknife_cameras(uv, POINTS, one) for one in (full, transform_adjustment(full, R, t))
+        jackknife_cameras(uv, POINTS, one)
+        for one in (full, jackknife.transform_adjustment(full, R, t))
     )
     conforms.invariance(other.deviations, own.deviations, rtol=1e-6)
     mixed = np.random.default_rng(0).permutation(12)

@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 from scenes import manifests
 
-from thesis_lib.measure.feasibility.assess import (
-    CENTRE_NOISE_PX,
-    assess_manifest,
-    describe_assessment,
-    describe_verdict,
-)
+from thesis_lib.measure.feasibility import assess
 from thesis_lib.measure.feasibility.prediction import noise_errors
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
@@ -53,8 +48,8 @@ def manifest(values):
 def assessed(values):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assessment = assess_manifest(manifest(values))
-        lines = describe_assessment(assessment)
+        assessment = assess.assess_manifest(manifest(values))
+        lines = assess.describe_assessment(assessment)
     assert all("\n" not in line for line in lines)
     return assessment
 
@@ -177,7 +172,7 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
         n = 2 * camera["frame_rate_hz"]
         angle = 2 * np.pi * 20.0 * (np.arange(n) + 0.3) / camera["frame_rate_hz"]
         basis = np.stack([np.ones(n), np.cos(angle), np.sin(angle)], axis=1)
-        noise = CENTRE_NOISE_PX * rng.standard_normal((n, 2 * trials * X.shape[1]))
+        noise = assess.CENTRE_NOISE_PX * rng.standard_normal((n, 2 * trials * X.shape[1]))
         cosine = np.linalg.lstsq(basis, noise, rcond=None)[0][1] / np.sinc(20.0 * 0.004)
         found[i] = cosine.reshape(2, trials, -1) + uv[i, :, None]
     fit = np.sqrt(np.mean(triangulate(P, found)[2] ** 2))
@@ -186,7 +181,7 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     ratio = np.array(alike.fit) / alike.one_frame
     conforms.closed_form(ratio, np.sqrt(2 / 1200) / np.sinc(4.25 * 0.004), rtol=1e-7)
     conforms.closed_form(outlook.smallest_mm, 3 * outlook.fit[1], rtol=1e-6)
-    single = 1000 * noise_errors(P, X, np.full(4, CENTRE_NOISE_PX))
+    single = 1000 * noise_errors(P, X, np.full(4, assess.CENTRE_NOISE_PX))
     conforms.independent(outlook.one_frame, (np.sqrt(np.mean(single**2)), single.max()), rtol=1e-6)
 
 
@@ -248,7 +243,9 @@ def test_one_change_brings_its_warning(code):
     (field,) = ONE[code]
     if field.startswith("cameras__"):
         assert any(where.startswith(f"cameras[{field.split('__')[1]}].") for where in found)
-    assert any(line.endswith(f"[{code}]") for line in joined(describe_assessment(assessment)))
+    assert any(
+        line.endswith(f"[{code}]") for line in joined(assess.describe_assessment(assessment))
+    )
 
 
 def joined(lines):
@@ -304,9 +301,6 @@ def test_a_folded_mode_is_named_by_its_frequency():
     assert codes(flat) == set()
 
 
-# Whether it will do.
-
-
 @pytest.mark.parametrize(
     ("places", "outcome", "words"),
     [
@@ -320,13 +314,10 @@ def test_a_folded_mode_is_named_by_its_frequency():
 def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
     found = assessed(change(rig(), **places))
     assert found.verdict.outcome == outcome
-    assert words in " ".join(describe_verdict(found))
+    assert words in " ".join(assess.describe_verdict(found))
     if np.isfinite(found.verdict.compressed_from_mm):  # what it takes would do
         enough = {"excitation__amplitude_mm": 1.001 * found.verdict.compressed_from_mm}
         assert assessed(change(rig(), **enough)).verdict.outcome == "compressed"
-
-
-# What is not known.
 
 
 @pytest.mark.parametrize(
@@ -345,7 +336,7 @@ def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
 def test_what_is_missing_is_said(places, line):
     assessment = assessed(change(rig(), **places))
     assert line in assessment.unknown
-    assert f"not checked: {line}" in joined(describe_assessment(assessment))
+    assert f"not checked: {line}" in joined(assess.describe_assessment(assessment))
     assert assessment.warnings == ()
 
 
@@ -354,9 +345,6 @@ def test_cameras_without_a_place_do_not_count():
     both = rig([(10, 22), (190, 22)])
     assert assessed(values).rig == assessed(both).rig
     assert assessed(values).rig.located == 2
-
-
-# Any manifest.
 
 
 def random_values(rng):

@@ -25,20 +25,7 @@ from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings
 from thesis_lib.measure.report import animation
 from thesis_lib.measure.report.warnings import check_response
-from thesis_lib.measure.response.result import (
-    cut_of,
-    estimate_blur,
-    estimate_response,
-    receptance_of_segments,
-    segment_spectra,
-)
-from thesis_lib.measure.response.signals import (
-    at_times,
-    dwell_time,
-    find_sweep,
-    read_force,
-    settling_time,
-)
+from thesis_lib.measure.response import result, signals
 from thesis_lib.measure.tracking.tracks import Recording
 
 SILENT = xr.Dataset(attrs={"synchronisation": "by no sound at all"})
@@ -68,7 +55,7 @@ class Scene:
 
     def responded(self, manifest):
         """What is found."""
-        return estimate_response(manifest, SILENT, self.recordings, self.folder)
+        return result.estimate_response(manifest, SILENT, self.recordings, self.folder)
 
 
 def scene(folder, newtons, damping, seconds, noise=0.02, heard=None, rates=RATES, place=PLACE):
@@ -127,7 +114,7 @@ def test_a_band_is_known_between_uneven_stamps_rows_and_exposures(share):
     late, exposure, f = np.array([0.0, 0.005, -0.006]), 1 / 100, 60 * share
     tone = np.sinc(f * exposure) * np.sin(2 * np.pi * f * (times[:, None] + late))
     wanted = np.arange(1.0, 14.0, 1 / 47)
-    found = at_times(times, tone, 60.0, wanted, late, exposure)
+    found = signals.at_times(times, tone, 60.0, wanted, late, exposure)
     np.testing.assert_allclose(
         found, np.sin(2 * np.pi * f * wanted)[:, None] * np.ones(3), atol=0.015
     )
@@ -138,7 +125,7 @@ def test_missing_samples_are_bridged_and_gaps_are_told():
     values = np.sin(2 * np.pi * 5 * times)[:, None] * np.ones(2)
     values[300, 0] = np.nan
     values[100:140, 1] = np.nan
-    found = at_times(times, values, 60.0, times)
+    found = signals.at_times(times, values, 60.0, times)
     np.testing.assert_allclose(found[295:305, 0], np.sin(2 * np.pi * 5 * times[295:305]), atol=0.1)
     assert np.isnan(found[110:130, 1]).all()
     assert np.isfinite(found[:, 0]).all()
@@ -150,12 +137,12 @@ def test_missing_samples_are_bridged_and_gaps_are_told():
 def drawn(noise_of_force, noise_of_motion, seed, count=400):
     """H1 and H2 of a gain of 3, by white force and noise of so much power, a whole draw."""
     rng = np.random.default_rng(seed)
-    cut = cut_of(64 * count, 64.0, 1.0)
+    cut = result.cut_of(64 * count, 64.0, 1.0)
     force = rng.standard_normal(64 * count)
     moved = 3 * force + 3 * np.sqrt(noise_of_motion) * rng.standard_normal(64 * count)
     heard = force + np.sqrt(noise_of_force) * rng.standard_normal(64 * count)
-    found = segment_spectra(np.stack([heard, moved], axis=1), cut)
-    return receptance_of_segments(found[:, :, 0], found[:, :, 1:], cut, np.array([np.nan]))
+    found = result.segment_spectra(np.stack([heard, moved], axis=1), cut)
+    return result.receptance_of_segments(found[:, :, 0], found[:, :, 1:], cut, np.array([np.nan]))
 
 
 @pytest.mark.parametrize(("of_force", "of_motion"), [(0.0, 0.3), (0.3, 0.0)])
@@ -194,7 +181,7 @@ def test_the_blur_of_a_resonance_is_told():
     first, power = smoothed(fine, seconds, both), smoothed(fine, seconds, np.abs(both) ** 2).real
     shown = np.array([first, power / first.conj(), np.sqrt(power) * first / np.abs(first)])
     off = (shown - true)[:, ::line]
-    told = estimate_blur(first[::line, None])[:, :, 0]
+    told = result.estimate_blur(first[::line, None])[:, :, 0]
     peak = np.abs(true).max()
     near = np.abs(fine[::line] - 12) < 1
     np.testing.assert_allclose(told[:, near], off[:, near], atol=0.02 * peak)
@@ -255,13 +242,15 @@ def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(sw
 
 
 def test_a_sweep_is_found_in_the_force_and_dwells_until_a_resonance_settles():
-    found = find_sweep(swept_force(14, 10, 20, 5), FINE, Sweep())
+    found = signals.find_sweep(swept_force(14, 10, 20, 5), FINE, Sweep())
     assert found.from_hz == pytest.approx(20, rel=0.1)
     assert found.to_hz == pytest.approx(5, rel=0.2)
     assert found.duration_s == pytest.approx(10, rel=0.1)
     slow = Sweep(from_hz=5.0, to_hz=10.0, duration_s=100.0)
-    assert dwell_time(slow, 6.0, 0.01) == pytest.approx(2.4)  # s, for 0.12 Hz at 0.05 Hz a second
-    assert settling_time(6.0, 0.01) == pytest.approx(4 / (2 * np.pi * 0.06))
+    assert signals.dwell_time(slow, 6.0, 0.01) == pytest.approx(
+        2.4
+    )  # s, for 0.12 Hz at 0.05 Hz a second
+    assert signals.settling_time(6.0, 0.01) == pytest.approx(4 / (2 * np.pi * 0.06))
 
 
 # Clocks.
@@ -302,20 +291,20 @@ def test_the_clock_of_a_sound_card_is_found_by_a_microphone_beside_the_force(tmp
     tone = 0.5 * np.sin(2 * np.pi * 7 * at)
     write_wav(tmp_path / "force.wav", tone, other, rate=card)
     manifest = manifest_for(tmp_path, sound_channel=2, offset_s=None)
-    found = read_force(manifest, tmp_path, np.zeros(2))
+    found = signals.read_force(manifest, tmp_path, np.zeros(2))
     assert found.clock.delay == pytest.approx(late, abs=2e-5)
     assert found.clock.pace == pytest.approx(1 - fast, abs=3e-6)
     true = SCALE * 0.5 * np.sin(2 * np.pi * 7 * found.times)
     np.testing.assert_allclose(found.newtons, true, atol=2e-3 * SCALE)
     with pytest.raises(ForceError, match=r"channel 1 matches that of camera A .*sound_channel"):
-        read_force(manifest_for(tmp_path, offset_s=None), tmp_path, np.zeros(2))
+        signals.read_force(manifest_for(tmp_path, offset_s=None), tmp_path, np.zeros(2))
 
 
 def test_a_sound_track_of_a_camera_has_its_clock(tmp_path):
     tone = 0.5 * np.sin(2 * np.pi * 7 * np.arange(96000) / 48000)
     write_video(tmp_path / "B.mkv", (np.zeros((16, 16), np.uint8) for _ in range(20)), 10.0, tone)
     manifest = manifest_for(tmp_path, file="B.mkv", offset_s=None)
-    assert read_force(manifest, tmp_path, np.array([0.0, 0.7])).clock.delay == 0.7
+    assert signals.read_force(manifest, tmp_path, np.array([0.0, 0.7])).clock.delay == 0.7
 
 
 def manifest_for(folder, **force):
@@ -341,7 +330,7 @@ def test_a_sound_that_is_no_force_is_refused_in_one_line(tmp_path, gain, told):
     newtons = np.clip(gain * random_force(6, 0.05), -SCALE, SCALE * (1 - 2**-15))
     write_wav(tmp_path / "force.wav", newtons / SCALE)
     with pytest.raises((ForceError, MediaError), match=told) as error:
-        read_force(manifest_for(tmp_path), tmp_path, np.zeros(2))
+        signals.read_force(manifest_for(tmp_path), tmp_path, np.zeros(2))
     assert "\n" not in str(error.value)
 
 

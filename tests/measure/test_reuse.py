@@ -15,13 +15,8 @@ from scenes.calibration import BOARD, SIZE, observations, rig
 from scenes.jackknife import deviations_of, differences
 
 from thesis_lib.facts import setups
+from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
-from thesis_lib.measure.calibration.uncertainty import (
-    jackknife_cameras,
-    read_deviations,
-    to_keep,
-    with_lenses,
-)
 from thesis_lib.measure.exchange import cameras as written
 from thesis_lib.measure.exchange.cameras import read_cameras, reuse_calibration
 from thesis_lib.measure.pipeline import measure_recordings
@@ -191,8 +186,10 @@ def test_errors_go_with_their_cameras(tmp_path):
     values = {n: [getattr(one, n) for one in whole] for n in ("K", "distortion", "size")}
     values |= {n: [getattr(one, n) for one in whole] for n in ("R_camera_world", "centre")}
     table = {n: CALIBRATION_VARIABLES[n] for n in values}
-    known = read_deviations(xr.Dataset(label_values(values, table), names), draw @ draw.T)
-    storage.write_netcdf(to_keep(known), tmp_path / "calibration.nc")
+    known = uncertainty.read_deviations(
+        xr.Dataset(label_values(values, table), names), draw @ draw.T
+    )
+    storage.write_netcdf(uncertainty.to_keep(known), tmp_path / "calibration.nc")
     assert_same(read_cameras(tmp_path), whole)
     files = [{"name": name, "video": f"{name}.mkv", "exposure_s": 0.001} for name in "CA"]
     (tmp_path / "manifest.yaml").write_text(
@@ -228,8 +225,8 @@ def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
             for one, d in zip(CAMERAS, off, strict=True)
         ]
         full = adjust_bundle(uv, points, lenses, lenses=False)
-        own = jackknife_cameras(uv, points, full)
-        whole = with_lenses(uv, points, full, held, own.covariance)
+        own = uncertainty.jackknife_cameras(uv, points, full)
+        whole = uncertainty.with_lenses(uv, points, full, held, own.covariance)
         errors.append(differences(full.cameras, CAMERAS)[8 * n :])
         said.append(deviations_of(replace(own, covariance=whole))[8 * n :])
         alone.append(deviations_of(own)[8 * n :])

@@ -14,14 +14,8 @@ from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
+from thesis_lib.measure.tracking import homography
 from thesis_lib.measure.tracking.follow import Follower
-from thesis_lib.measure.tracking.homography import (
-    TrackingError,
-    apply_homography,
-    find_view,
-    fit_homography,
-    view_of,
-)
 from thesis_lib.measure.tracking.tracker import Tracker, assign_places, sharpen_view
 from thesis_lib.measure.tracking.tracks import record_track
 from thesis_lib.vibration.motion import Component, Motion
@@ -66,7 +60,7 @@ def truth(at, times, motion=MOTION, markers=MARKERS):
 
 
 def found_view(at, image, markers=MARKERS):
-    return sharpen_view(image, find_view(image, at, markers))
+    return sharpen_view(image, homography.find_view(image, at, markers))
 
 
 def tabulated(frames, view):
@@ -86,9 +80,6 @@ def rest():
     at = camera()
     (image,) = filmed(at, [-1.0])
     return at, image, found_view(at, image), truth(at, [-1.0])[0]
-
-
-# Centres.
 
 
 @pytest.mark.slow
@@ -282,7 +273,7 @@ def corners(at):
 
 def corner_error(view, at):
     """Largest distance in px of a view's corners from the true ones."""
-    return off(apply_homography(view.H_image_plane, MARKERS.corners), corners(at)).max()
+    return off(homography.apply_homography(view.H_image_plane, MARKERS.corners), corners(at)).max()
 
 
 def hole_px(at):
@@ -298,7 +289,7 @@ def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_dow
     if upside_down:
         at = replace(at, R_camera_world=np.diag([-1.0, -1, 1]) @ at.R_camera_world)
     (image,) = filmed(at, [-1.0], seed=2)
-    view = find_view(image, at, MARKERS)
+    view = homography.find_view(image, at, MARKERS)
     conforms.closed_form(corner_error(view, at), below=2)
     exact = truth(at, [-1.0])[0]
     conforms.closed_form(
@@ -319,7 +310,7 @@ def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
     assert np.isfinite(corners(at)).all()
     (image,) = filmed(at, [-1.0])
     small = pinhole.resize_camera(at, (width, width * 9 // 16))
-    view = find_view(following.reduce_frame(image, width), small, MARKERS)
+    view = homography.find_view(following.reduce_frame(image, width), small, MARKERS)
     conforms.closed_form(corner_error(view, small), below=2)
 
 
@@ -343,7 +334,7 @@ def test_a_detector_is_a_function_and_a_line(monkeypatch, rest):
 
 
 def one_line(call, *arguments):
-    with pytest.raises(TrackingError) as error:
+    with pytest.raises(homography.TrackingError) as error:
         call(*arguments)
     assert "\n" not in str(error.value)
     return str(error.value)
@@ -353,14 +344,16 @@ def test_pictures_that_do_not_show_the_beam_are_refused(rest):
     at, image, _, _ = rest
     spot = np.zeros((1080, 1920), np.uint8)
     spot[500:505, 700:703] = 250
-    assert "too small" in one_line(find_view, spot, at, MARKERS)
+    assert "too small" in one_line(homography.find_view, spot, at, MARKERS)
     one_line(found_view, at, np.full((1080, 1920), 60, np.uint8))
     hole = painted(image, hole_px(at), 5, 200)
-    assert "the hole is not seen" in one_line(find_view, hole, at, MARKERS)
+    assert "the hole is not seen" in one_line(homography.find_view, hole, at, MARKERS)
     blank = np.where(image > 60, 200, image).astype(np.uint8)
-    message = one_line(sharpen_view, blank, view_of(at, MARKERS, corners(at)))
+    message = one_line(sharpen_view, blank, homography.view_of(at, MARKERS, corners(at)))
     assert "of 76 markers" in message
-    crossed = view_of(at, MARKERS, np.array([[100, 1800, 100, 1800], [100, 900, 900, 100]]))
+    crossed = homography.view_of(
+        at, MARKERS, np.array([[100, 1800, 100, 1800], [100, 900, 900, 100]])
+    )
     assert one_line(sharpen_view, image, crossed).startswith("camera A: ")
 
 
@@ -374,7 +367,7 @@ def test_pictures_that_do_not_show_the_beam_are_refused(rest):
 )
 def test_markers_of_another_grid_are_refused(rest, wrong, said):
     at, image, _, _ = rest
-    message = one_line(lambda: sharpen_view(image, view_of(at, wrong, corners(at))))
+    message = one_line(lambda: sharpen_view(image, homography.view_of(at, wrong, corners(at))))
     assert message.startswith("camera A: ")
     assert said in message
 
@@ -397,7 +390,7 @@ def test_given_corners_are_those_in_the_picture(conforms, rest, video):
     px = seen_corners(at)
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
-    assert "corners_px" in one_line(find_view, rest[1], at, markers)
+    assert "corners_px" in one_line(homography.find_view, rest[1], at, markers)
     px = px + 2.0 * np.random.default_rng(3).uniform(-1, 1, px.shape)
     given, _ = followed(path, at, markers, corners=tuple(map(tuple, px.T.tolist())))
     conforms.closed_form(
@@ -424,9 +417,6 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
     assert share[0] < 0.6  # too few pixels, as in the thesis
     assert max(wrong[1:]) == 0
     assert all("320 px" in note for note in notes)
-
-
-# The beam resampled on its plane.
 
 
 def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms):
@@ -470,24 +460,21 @@ def test_a_lost_marker_does_not_shift_its_column(conforms):
 def test_a_homography_is_found_from_points_some_of_them_missing(conforms):
     H = np.array([[800, 40, 900], [-30, 700, 500], [0.1, -0.2, 1.0]])
     plane = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 20))
-    image = apply_homography(H, plane)
+    image = homography.apply_homography(H, plane)
     image[:, 3] = np.nan
-    again = apply_homography(fit_homography(plane, image), plane)
+    again = homography.apply_homography(homography.fit_homography(plane, image), plane)
     conforms.closed_form(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
     image[:, 3:] = np.nan
-    assert "only 3 of 20 points" in one_line(fit_homography, plane, image)
+    assert "only 3 of 20 points" in one_line(homography.fit_homography, plane, image)
 
 
 def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     at, _, _, _ = rest
-    view = view_of(at, MARKERS, corners(at))
+    view = homography.view_of(at, MARKERS, corners(at))
     plane = np.random.default_rng(0).uniform([[0], [0]], [[0.6], [0.03]], (2, 30))
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
     conforms.independent(view.to_image(plane), pinhole.project_points(at, world), atol=1e-3)
     conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
-
-
-# Light.
 
 
 def stripes(image, depth, phase):

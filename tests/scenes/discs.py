@@ -4,19 +4,14 @@ import numpy as np
 
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.vision import pinhole
-from thesis_lib.vision.pinhole import (
-    Camera,
-    hemisphere_directions,
-    hemisphere_rotations,
-    intrinsics,
-)
 
 
 def camera(azimuth=-10.0, elevation=22.0, size=(1920, 1080), k1=-0.1):
     angles = np.radians([azimuth, elevation])
-    K = intrinsics(24 / 36 * size[0], size)
-    return Camera("A", K, np.array([k1, 0.015, 5e-4, -4e-4, 0]), hemisphere_rotations(*angles),
-                  0.57 * hemisphere_directions(*angles), size)  # fmt: skip
+    K = pinhole.intrinsics(24 / 36 * size[0], size)
+    R, direction = pinhole.hemisphere_rotations(*angles), pinhole.hemisphere_directions(*angles)
+    lens = np.array([k1, 0.015, 5e-4, -4e-4, 0])
+    return pinhole.Camera("A", K, lens, R, 0.57 * direction, size)
 
 
 def disc_centroids(at, markers, deflection, which=slice(None), n=2000):

@@ -9,15 +9,9 @@ from scenes.convergence import orders
 from skfem import MeshTri
 
 from thesis_lib.facts import setups
+from thesis_lib.vibration import polygons
 from thesis_lib.vibration.finite_elements import facets_along, plate_modes
 from thesis_lib.vibration.panel import Panel
-from thesis_lib.vibration.polygons import (
-    Circle,
-    divide_hole,
-    mesh_outline,
-    polygon_area,
-    polygon_contains,
-)
 from thesis_lib.vibration.structure import cantilever_roots, peak_deflection
 
 PLATE = setups.thesis_plate()
@@ -25,7 +19,7 @@ L, W = PLATE.extent
 RECTANGLE = ((0.0, 0.0), (L, 0.0), (L, W), (0.0, W))
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 ELL = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (0.5, 0.5), (0.5, 1.0), (0.0, 1.0))
-HOLES = (Circle(0.2, 0.28, 0.06), ((0.4, 0.27), (0.56, 0.30), (0.50, 0.37)))
+HOLES = (polygons.Circle(0.2, 0.28, 0.06), ((0.4, 0.27), (0.56, 0.30), (0.50, 0.37)))
 
 
 def panel(outline=RECTANGLE, holes=(), support="simply supported", **changes):
@@ -55,7 +49,7 @@ def twice_areas(mesh):
 def test_simply_supported_rectangle_converges_with_order_2(conforms):
     waves = [(m / L) ** 2 + (n / W) ** 2 for m in range(1, 6) for n in range(1, 6)]
     exact = np.sort((np.pi**2 * np.array(waves)) ** 2)[:4]
-    mesh, errors = mesh_outline(RECTANGLE, (), 0.03), []
+    mesh, errors = polygons.mesh_outline(RECTANGLE, (), 0.03), []
     for _ in range(3):
         errors.append(eigenvalues(mesh, "simply supported") / exact - 1)
         mesh = mesh.refined()
@@ -80,7 +74,7 @@ def test_panel_that_is_the_plate_has_its_frequencies_shapes_and_signs(conforms):
 
 def test_clamped_square_has_the_eigenvalues_of_the_literature(conforms):
     # A. W. Leissa, Vibration of Plates (NASA SP-160, 1969): ω a² √(m/D) = 35.99, 73.41, 108.27
-    mesh = mesh_outline(SQUARE, (), 0.1)
+    mesh = polygons.mesh_outline(SQUARE, (), 0.1)
     found = []
     for _ in range(3):
         mesh = mesh.refined()
@@ -131,14 +125,14 @@ def test_frequencies_of_an_l_fall_with_the_square_of_its_size(conforms):
 
 @pytest.mark.parametrize("support", ["clamped", "simply supported"])
 def test_a_turned_and_mirrored_mesh_has_the_same_eigenvalues(conforms, support):
-    mesh = mesh_outline(ELL, (Circle(0.2, 0.3, 0.1),), 0.06)
+    mesh = polygons.mesh_outline(ELL, (polygons.Circle(0.2, 0.3, 0.1),), 0.06)
     turned = MeshTri(np.array([[-0.6, 0.8], [0.8, 0.6]]) @ mesh.p, mesh.t)
     conforms.invariance(eigenvalues(turned, support), eigenvalues(mesh, support), rtol=1e-7)
 
 
 def test_shapes_are_orthogonal_with_mean_square_1(conforms):
     one = panel(holes=HOLES[1:], element_size=0.0125)
-    mesh = mesh_outline(one.outline, one.holes, one.element_size)
+    mesh = polygons.mesh_outline(one.outline, one.holes, one.element_size)
     corners = mesh.p[:, mesh.t]  # (2, 3, triangles)
     weights = np.tile(twice_areas(mesh) / 6, 3)  # exact for quadratics: three points inside
     points = np.concatenate([(corners.sum(axis=1) + 3 * corners[:, i]) / 6 for i in range(3)], 1)
@@ -151,25 +145,22 @@ def test_shapes_are_orthogonal_with_mean_square_1(conforms):
 def test_a_small_hole_changes_nothing(conforms):
     plain = panel(element_size=0.02).angular_frequencies(4)
     large, small = (
-        panel(element_size=0.02, holes=(Circle(0.25, 0.2, radius),)).angular_frequencies(4)
+        panel(element_size=0.02, holes=(polygons.Circle(0.25, 0.2, radius),)).angular_frequencies(4)
         for radius in (0.05, 0.001)
     )
     conforms.invariance(np.max(np.abs(small / plain - 1)), below=5e-4)
     assert np.max(np.abs(large / plain - 1)) > 0.01
 
 
-# Meshes.
-
-
 def test_triangles_fill_the_region_and_no_more(conforms):
     for size in (0.05, 0.02):
-        mesh = mesh_outline(RECTANGLE, HOLES, size, halvings=0)
+        mesh = polygons.mesh_outline(RECTANGLE, HOLES, size, halvings=0)
         corners = mesh.p[:, mesh.t]
         twice = twice_areas(mesh)
-        wanted = polygon_area(RECTANGLE) - sum(
-            abs(polygon_area(divide_hole(hole, size))) for hole in HOLES
+        wanted = polygons.polygon_area(RECTANGLE) - sum(
+            abs(polygons.polygon_area(polygons.divide_hole(hole, size))) for hole in HOLES
         )
-        graded = mesh_outline(RECTANGLE, HOLES, size)
+        graded = polygons.mesh_outline(RECTANGLE, HOLES, size)
         for areas in (twice, twice_areas(graded)):
             conforms.independent(np.abs(areas).sum() / 2, wanted, rtol=1e-9)
         assert graded.t.shape[1] > mesh.t.shape[1]
@@ -179,14 +170,11 @@ def test_triangles_fill_the_region_and_no_more(conforms):
         assert np.median(quality) > 0.9
 
 
-# A structure as the others.
-
-
 def test_markers_in_holes_and_off_the_outline_are_left_out():
     one = panel(holes=HOLES)
     x, y = one.markers
     assert np.all(np.hypot(x - 0.2, y - 0.28) >= 0.06)
-    assert not polygon_contains(HOLES[1], one.markers).any()
+    assert not polygons.polygon_contains(HOLES[1], one.markers).any()
     everywhere = PLATE.markers
     assert one.markers.shape[1] == one.covers(everywhere).sum() < everywhere.shape[1]
     ell = panel(ELL, grid=(10, 10))
@@ -212,8 +200,6 @@ def test_points_on_slanting_edges_are_on_the_panel():
     assert np.min(shapes[0]) > 0.1
 
 
-# What is refused.
-
 BOW = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
 
 
@@ -223,9 +209,9 @@ BOW = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
         ({"outline": BOW}, ["outline", "meet at their common corners"]),
         ({"outline": ((0, 0), (1, np.nan), (1, 1), (0, 1))}, ["outline", "finite"]),
         ({"outline": tuple((x + 1, y) for x, y in RECTANGLE)}, ["outline", "(0, 0)"]),
-        ({"holes": (Circle(0.03, 0.2, 0.05),)}, ["holes", "inside the outline"]),
-        ({"holes": (HOLES[1], Circle(0.5, 0.31, 0.001))}, ["holes", "not touch"]),
-        ({"holes": (Circle(0.2, 0.2, 0.0),)}, ["holes", "radius above 0"]),
+        ({"holes": (polygons.Circle(0.03, 0.2, 0.05),)}, ["holes", "inside the outline"]),
+        ({"holes": (HOLES[1], polygons.Circle(0.5, 0.31, 0.001))}, ["holes", "not touch"]),
+        ({"holes": (polygons.Circle(0.2, 0.2, 0.0),)}, ["holes", "radius above 0"]),
         ({"supports": ("simply supported", *["free"] * 3)}, ["supports", "one line"]),
         ({"supports": ("clamped",) * 3}, ["supports", "4 edges"]),
         ({"force_position": (0.2, 0.28), "holes": HOLES}, ["force_position", "on the panel"]),

@@ -10,15 +10,7 @@ from scenes.convergence import orders
 from scenes.mobility import drive_point_mobility
 
 from thesis_lib.facts import setups
-from thesis_lib.vibration.structure import (
-    cantilever_roots,
-    deflection_shape,
-    full_response,
-    modal_coordinates,
-    peak_deflection,
-    resonance_frequency,
-    single_mode_distance,
-)
+from thesis_lib.vibration import structure
 
 BEAM = setups.thesis_beam()
 MODES = range(1, 31)
@@ -34,7 +26,7 @@ def test_natural_frequencies_of_the_thesis_beam(conforms):
 
 
 def test_roots_solve_the_frequency_equation(conforms):
-    beta = cantilever_roots(60)
+    beta = structure.cantilever_roots(60)
     table = [1.8751, 4.6941, 7.8548, 10.9955, 14.1372]  # as published
     conforms.closed_form(beta[:5], table, atol=5e-5)
     conforms.closed_form(np.cos(beta) + 1 / np.cosh(beta), 0, atol=1e-13)
@@ -73,7 +65,7 @@ def test_shapes_equal_the_textbook_formula_in_130_digits(conforms):
     with localcontext(prec=130):
         roots = [decimal_root(mode) for mode in MODES]
         exact = [decimal_shapes(beta, s) for beta in roots]
-    conforms.independent(cantilever_roots(30), [float(r) for r in roots], rtol=4e-16)
+    conforms.independent(structure.cantilever_roots(30), [float(r) for r in roots], rtol=4e-16)
     conforms.independent(shapes, exact, atol=1e-12)
 
 
@@ -81,7 +73,7 @@ def test_shapes_equal_the_textbook_formula_in_130_digits(conforms):
     ("x", "derivative"), [(0.0, 0), (0.0, 1), (BEAM.length, 2), (BEAM.length, 3)]
 )
 def test_shapes_meet_the_boundary_conditions(conforms, x, derivative):
-    k = cantilever_roots(30) / BEAM.length
+    k = structure.cantilever_roots(30) / BEAM.length
     values = BEAM.mode_shapes(MODES, at(x), derivative)[:, 0] / k**derivative
     conforms.closed_form(values, 0, atol=1e-10)
 
@@ -116,7 +108,7 @@ def test_modal_sum_at_rest_tends_to_the_static_deflection_with_order_3(conforms)
     before, beyond = x**2 * (3 * a - x), a**2 * (3 * x - a)
     exact = force * np.where(x <= a, before, beyond) / (6 * EI)
     errors = [
-        np.max(np.abs(full_response(BEAM, at(*x), 0.0, n, force) - exact))
+        np.max(np.abs(structure.full_response(BEAM, at(*x), 0.0, n, force) - exact))
         for n in (25, 50, 100, 200, 400)
     ]
     conforms.closed_form(errors[-1], below=1e-5 * np.max(exact))
@@ -127,8 +119,8 @@ def test_modal_sum_at_rest_tends_to_the_static_deflection_with_order_3(conforms)
 def test_response_is_reciprocal_between_force_and_receiver(conforms):
     one, other = 0.055, 0.48
     omega = np.sqrt(np.prod(BEAM.angular_frequencies(2)))
-    there = full_response(replace(BEAM, force_position=one), at(other), omega, 30)
-    back = full_response(replace(BEAM, force_position=other), at(one), omega, 30)
+    there = structure.full_response(replace(BEAM, force_position=one), at(other), omega, 30)
+    back = structure.full_response(replace(BEAM, force_position=other), at(one), omega, 30)
     conforms.invariance(there, back, rtol=1e-12)
 
 
@@ -142,28 +134,30 @@ def test_peak_is_that_of_a_damped_oscillator(conforms, mode, millimetres):
     omega_n, xi = BEAM.angular_frequencies(mode)[-1], BEAM.damping
     drive = abs(BEAM.mode_shapes([mode], BEAM.force_point)[0, 0])
     closed = 2 * drive / (BEAM.mass * 2 * xi * omega_n**2 * np.sqrt(1 - xi**2))
-    conforms.closed_form(peak_deflection(BEAM, mode), closed, rtol=1e-12)
+    conforms.closed_form(structure.peak_deflection(BEAM, mode), closed, rtol=1e-12)
     conforms.closed_form(1000 * closed, millimetres, rtol=2e-3)
 
 
 def test_resonance_is_the_frequency_of_the_largest_displacement(conforms):
     heavy = replace(BEAM, damping=0.3)
     omega = np.linspace(0.5, 1.5, 20001) * heavy.angular_frequencies(1)[0]
-    amplitude = np.abs(modal_coordinates(heavy, omega, 1)[0])
+    amplitude = np.abs(structure.modal_coordinates(heavy, omega, 1)[0])
     step = omega[1] - omega[0]
-    conforms.independent(resonance_frequency(heavy, 1), omega[np.argmax(amplitude)], atol=step)
+    conforms.independent(
+        structure.resonance_frequency(heavy, 1), omega[np.argmax(amplitude)], atol=step
+    )
 
 
 def test_deflection_shape_peaks_at_the_tip_with_the_given_value(conforms):
     x = np.linspace(0, BEAM.length, 501)
     for mode in (1, 2, 7):
-        shape = np.abs(deflection_shape(BEAM, mode, at(*x), 5.5e-3))
+        shape = np.abs(structure.deflection_shape(BEAM, mode, at(*x), 5.5e-3))
         conforms.closed_form(shape[0], 0, atol=1e-15)
         conforms.closed_form([shape[-1], shape.max()], 5.5e-3, rtol=1e-12)
 
 
 def test_one_mode_is_nearly_all_of_the_response_at_its_resonance(conforms):
-    distances = [single_mode_distance(BEAM, mode, n_modes=60) for mode in (1, 2, 3)]
+    distances = [structure.single_mode_distance(BEAM, mode, n_modes=60) for mode in (1, 2, 3)]
     conforms.closed_form(max(distances), below=0.05)
     assert min(distances) > 0
 

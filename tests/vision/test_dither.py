@@ -5,14 +5,7 @@ import pytest
 
 from thesis_lib.facts import setups
 from thesis_lib.vibration.structure import deflection_shape, world_points
-from thesis_lib.vision import rounding
-from thesis_lib.vision.dither import (
-    amplitude_variance,
-    deflection_variance,
-    disc_variance,
-    mean_variance,
-    shaken_variance,
-)
+from thesis_lib.vision import dither, rounding
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulate
 
@@ -35,8 +28,8 @@ def test_motion_dithers_as_its_bessel_functions_say(conforms, amplitude):
     u = np.rint(c + amplitude * np.cos(theta)) - c
     mean = np.mean(np.mean(u, axis=1) ** 2)
     fitted = np.mean((2 * np.mean(u * np.cos(theta), axis=1) - amplitude) ** 2)
-    conforms.sampled(mean_variance(amplitude), mean, rtol=0.03)
-    conforms.sampled(amplitude_variance(amplitude), fitted, rtol=0.03)
+    conforms.sampled(dither.mean_variance(amplitude), mean, rtol=0.03)
+    conforms.sampled(dither.amplitude_variance(amplitude), fitted, rtol=0.03)
 
 
 @pytest.mark.parametrize("amplitude", [0.05, 0.49])
@@ -45,20 +38,20 @@ def test_amplitude_below_half_a_pixel_has_a_closed_form(conforms, amplitude):
     # is (2/π) √(1 − (d/a)²); one outside (1 − 2a of them) shows no motion.
     a = amplitude
     inside = 2 * a * ((2 / np.pi) ** 2 * 2 / 3 - 2 * a * (2 / np.pi) * np.pi / 4 + a**2)
-    conforms.closed_form(amplitude_variance(a), inside + (1 - 2 * a) * a**2, rtol=2e-3)
+    conforms.closed_form(dither.amplitude_variance(a), inside + (1 - 2 * a) * a**2, rtol=2e-3)
 
 
 @pytest.mark.parametrize("shake", [0.05, 0.3, 1.0])
 def test_shake_dithers_as_its_characteristic_function_says(conforms, shake):
     rng, c = np.random.default_rng(0), grids(4000)[:, None]
     one = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
-    assert mean_variance(0, shake) >= one**2 * (1 - 1e-12)
+    assert dither.mean_variance(0, shake) >= one**2 * (1 - 1e-12)
     if shake >= 0.3:
-        conforms.sampled(mean_variance(0, shake), one**2, rtol=1e-2)
+        conforms.sampled(dither.mean_variance(0, shake), one**2, rtol=1e-2)
     for frames in (1, 4, 30):
         u = np.rint(c + shake * rng.standard_normal((4000, frames))) - c
         drawn = np.mean(np.mean(u, axis=1) ** 2)
-        conforms.sampled(shaken_variance(frames, shake), drawn, rtol=0.1)
+        conforms.sampled(dither.shaken_variance(frames, shake), drawn, rtol=0.1)
 
 
 def test_shake_and_motion_dither_together(conforms):
@@ -66,7 +59,7 @@ def test_shake_and_motion_dither_together(conforms):
     noise = rng.standard_normal(theta.shape)  # one shake for all grids
     u = np.rint(c + 0.4 * np.cos(theta) + 0.15 * noise) - c - 0.15 * noise
     fitted = np.mean((2 * np.mean(u * np.cos(theta), axis=1) - 0.4) ** 2)
-    conforms.sampled(amplitude_variance(0.4, 0.15), fitted, rtol=0.1)
+    conforms.sampled(dither.amplitude_variance(0.4, 0.15), fitted, rtol=0.1)
 
 
 @pytest.mark.parametrize("diameter", [3, 8.5, 25])
@@ -77,7 +70,7 @@ def test_centroid_of_a_disc_is_as_exact_as_its_lattice_sum(conforms, diameter):
     for x, y in rng.uniform(-0.5, 0.5, (3000, 2)):
         inside = (line - x) ** 2 + (line[:, None] - y) ** 2 <= diameter**2 / 4
         squared.append((np.sum(inside * line) / np.sum(inside) - x) ** 2)
-    conforms.sampled(np.sqrt(disc_variance(diameter)), np.sqrt(np.mean(squared)), rtol=0.06)
+    conforms.sampled(np.sqrt(dither.disc_variance(diameter)), np.sqrt(np.mean(squared)), rtol=0.06)
 
 
 @pytest.mark.parametrize(("distance_mm", "peak_mm"), [(500, 30), (1500, 5.5)])
@@ -94,7 +87,7 @@ def test_deflection_of_a_vibration_is_as_exact_as_predicted(conforms, distance_m
         height = triangulate(P, np.rint(images + shift) - shift)[2]
         errors.append(2 * np.mean(height * np.cos(theta), axis=-1) - shape)
     found = np.sqrt(np.mean(np.square(errors)))
-    expected = np.sqrt(np.mean(deflection_variance(P, points[:, 0], points[:, 1])))
+    expected = np.sqrt(np.mean(dither.deflection_variance(P, points[:, 0], points[:, 1])))
     conforms.sampled(expected, found, rtol=0.06)
     one_pair = rounding.deflection_variance(P, points[:, 0], points[:, 1])
     assert expected < np.sqrt(np.mean(one_pair))

@@ -9,13 +9,6 @@ from scipy.stats import truncnorm
 
 from thesis_lib.vision import interval, simulation
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
-from thesis_lib.vision.interval import (
-    estimate_noise,
-    joint_interval,
-    least_covariance,
-    pixel_information,
-    pixel_mass,
-)
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import point_covariance, triangulate
 
@@ -118,7 +111,7 @@ def test_order_of_cameras_their_scale_and_whole_pixels_do_not_matter(conforms, s
         posterior(P[order], uv[order], sigma),
         posterior(scaled, uv, sigma),
         posterior(shifted, uv + whole[:, :, None], sigma),
-        joint_interval(P, uv[:, :, None], sigma),
+        interval.joint_interval(P, uv[:, :, None], sigma),
     ):
         conforms.invariance(other.points.reshape(3, 100), here.points, atol=1e-10)
         conforms.invariance(other.evidence, here.evidence, atol=1e-7)
@@ -159,9 +152,6 @@ def test_pixels_that_contradict_the_noise_leave_least_squares(conforms):
     conforms.closed_form(clean.covariance[..., lost], expected, rtol=1e-9)
 
 
-# Draws.
-
-
 @pytest.mark.few(3)
 @pytest.mark.parametrize("n", COUNTS)
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.3])
@@ -197,7 +187,7 @@ def test_never_worse_than_the_better_of_both_others_and_near_the_bound(conforms,
         z = simulation.estimate_points(P, uv, rules, sigma)[:, 2]
         squares.append((z[:, 1] - z[:, 0] - points[2, 1] + points[2, 0]) ** 2)
         if sigma:
-            least.append(least_covariance(P, points, sigma)[2, 2].sum(axis=0))
+            least.append(interval.least_covariance(P, points, sigma)[2, 2].sum(axis=0))
     squares = np.stack(squares, axis=1)
     mine, *others = np.sqrt(np.mean(squares, axis=(1, 2)))
     conforms.sampled(mine / min(others), below=1.03)
@@ -209,7 +199,7 @@ def test_joint_means_share_x_and_y_and_are_better(conforms):
     P, points = rig(8).P, np.repeat(box(2000)[:, None], 3, axis=1)
     points[2, 1:] += np.random.default_rng(5).uniform(-0.01, 0.01, (2, 2000))
     uv = rounded(P, points, 0.05)
-    joint, alone = joint_interval(P, uv, 0.05), posterior(P, uv, 0.05)
+    joint, alone = interval.joint_interval(P, uv, 0.05), posterior(P, uv, 0.05)
     assert joint.feasible.all()
     conforms.invariance(joint.points[:2, 0], joint.points[:2, 2], atol=1e-15)
     wrong, apart = joint.points - points, alone.points - points
@@ -218,26 +208,23 @@ def test_joint_means_share_x_and_y_and_are_better(conforms):
     conforms.sampled(gain[[0, 2]], below=[0.6, 1.0])
 
 
-# The mass of a pixel.
-
-
 @pytest.mark.parametrize("deviation", [0.02, 1.0, 30.0])
 def test_mass_and_slopes_are_those_of_a_truncated_normal(conforms, deviation):
     away = np.linspace(0, 0.5 + 4 * deviation, 40) * np.array([[1], [-1]])
-    log_mass, G, H = pixel_mass(away, deviation**2)
+    log_mass, G, H = interval.pixel_mass(away, deviation**2)
     low, high = (away - 0.5) / deviation, (away + 0.5) / deviation
     conforms.independent(np.exp(log_mass), ndtr(high) - ndtr(low), rtol=1e-9)
     mean, variance = truncnorm.stats(low, high, moments="mv")
     conforms.independent(G * deviation, mean, atol=1e-9)
     conforms.independent(1 - H * deviation**2, variance, rtol=1e-6, atol=1e-12)
     out = np.array([10.0, 30, 100]) / 0.1 - 5  # far out, of a narrow pixel
-    log_mass, G, H = pixel_mass(np.array([10.0, 30, 100]), 0.01)
+    log_mass, G, H = interval.pixel_mass(np.array([10.0, 30, 100]), 0.01)
     conforms.closed_form(log_mass, log_ndtr(-out), rtol=1e-12)
     conforms.closed_form(G * 0.1, out + 1 / out, rtol=1e-3)
     conforms.closed_form((1 - H * 0.01) * out**2, 1, rtol=0.02)
 
 
-ESTIMATES = (posterior, joint_interval, analytic_centre, joint_centre)
+ESTIMATES = (posterior, interval.joint_interval, analytic_centre, joint_centre)
 
 
 @pytest.mark.parametrize(("P", "uv", "named"), WRONG_SHAPES)
@@ -245,12 +232,9 @@ def test_a_wrong_shape_is_named(P, uv, named):
     for estimate in ESTIMATES:
         with pytest.raises(ValueError, match=named):
             estimate(P, uv)
-    for joint in (joint_interval, joint_centre):
+    for joint in (interval.joint_interval, joint_centre):
         with pytest.raises(ValueError, match="uv: given shape"):
             joint(P[:1].repeat(2, 0), np.ones((2, 2)))
-
-
-# How much noise there is.
 
 
 def test_information_is_that_of_all_pixels_averaged_over_places(conforms):
@@ -263,10 +247,12 @@ def test_information_is_that_of_all_pixels_averaged_over_places(conforms):
     slope = (chance(place + h) - chance(place - h)) / (2 * h)
     p = chance(place)
     each = np.where(p > 1e-250, slope**2 / np.maximum(p, 1e-250), 0)
-    conforms.independent(np.mean(each.sum(axis=1)), pixel_information(sigma), rtol=1e-3)
+    conforms.independent(np.mean(each.sum(axis=1)), interval.pixel_information(sigma), rtol=1e-3)
     wide = np.array([1.0, 3.0])
-    conforms.closed_form([pixel_information(s) * (s**2 + 1 / 12) for s in wide], 1, atol=1e-3)
-    scaled = [pixel_information(s) * s for s in (1e-4, 1e-2)]
+    conforms.closed_form(
+        [interval.pixel_information(s) * (s**2 + 1 / 12) for s in wide], 1, atol=1e-3
+    )
+    scaled = [interval.pixel_information(s) * s for s in (1e-4, 1e-2)]
     conforms.invariance(scaled[1], scaled[0], rtol=1e-6)
 
 
@@ -275,7 +261,9 @@ def test_information_is_that_of_all_pixels_averaged_over_places(conforms):
 @pytest.mark.parametrize(("n", "sigma"), [(3, 0.3), (4, 0.1), (12, 0.02), (12, 0.1), (12, 0.4)])
 def test_noise_is_found_again(conforms, n, sigma):
     P = rig(n).P
-    every = [estimate_noise(P, rounded(P, box(400, seed), sigma, seed)) for seed in range(5)]
+    every = [
+        interval.estimate_noise(P, rounded(P, box(400, seed), sigma, seed)) for seed in range(5)
+    ]
     assert all(one.least <= one.best <= one.most for one in every)
     conforms.sampled([one.best for one in every], sigma, atol=0.01 + 0.08 * sigma)
     within = sum(one.least <= sigma <= one.most for one in every)
@@ -286,10 +274,10 @@ def test_points_that_are_not_seen_are_left_out_and_without_any_it_is_refused(con
     P = rig(6).P
     uv = rounded(P, box(60), 0.1)
     holed = np.concatenate([uv, np.full((6, 2, 9), np.nan)], axis=2)
-    one, other = estimate_noise(P, uv), estimate_noise(P, holed)
+    one, other = interval.estimate_noise(P, uv), interval.estimate_noise(P, holed)
     conforms.invariance(one.best, other.best, atol=0)
     with pytest.raises(ValueError, match="uv: given no point"):
-        estimate_noise(P, holed[..., 60:])
+        interval.estimate_noise(P, holed[..., 60:])
     for sigma in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="sigma_px: given"):
-            pixel_information(sigma)
+            interval.pixel_information(sigma)

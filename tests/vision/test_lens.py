@@ -8,23 +8,16 @@ from hypothesis import strategies as st
 
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision import pinhole
-from thesis_lib.vision.pinhole import (
-    Camera,
-    hemisphere_directions,
-    hemisphere_rotations,
-    intrinsics,
-)
-from thesis_lib.vision.pinhole import project as ideal_project
 
 SIZE = (1920, 1080)
 
 
 def camera(distortion=(-0.1, 0.02, 1e-3, -8e-4, 0.0), size=SIZE, azimuth=0.4, elevation=0.5):
-    K = intrinsics(1280.0, SIZE, skew=0.01, aspect=1.02)
+    K = pinhole.intrinsics(1280.0, SIZE, skew=0.01, aspect=1.02)
     K[:2, 2] += [7.3, -11.9]
-    R = hemisphere_rotations(azimuth, elevation)
-    centre = 0.57 * hemisphere_directions(azimuth, elevation)
-    return Camera("A", K, np.array(distortion, float), R, centre, size)
+    R = pinhole.hemisphere_rotations(azimuth, elevation)
+    centre = 0.57 * pinhole.hemisphere_directions(azimuth, elevation)
+    return pinhole.Camera("A", K, np.array(distortion, float), R, centre, size)
 
 
 def box(n=50, seed=0):
@@ -80,8 +73,8 @@ def test_the_jacobian_is_the_derivative_of_distortion(conforms, distortion, seed
 @given(lenses())
 def test_opencv_projects_alike_half_a_pixel_off(conforms, distortion):
     # OpenCV knows no skew.
-    K = intrinsics(1280.0, SIZE, aspect=1.02)
-    own = Camera("A", K, distortion, camera().R_camera_world, camera().centre, SIZE)
+    K = pinhole.intrinsics(1280.0, SIZE, aspect=1.02)
+    own = pinhole.Camera("A", K, distortion, camera().R_camera_world, camera().centre, SIZE)
     theirs_K = K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
     turn, _ = cv2.Rodrigues(own.R_camera_world)
     theirs, _ = cv2.projectPoints(box().T.copy(), turn, own.t, theirs_K, distortion)
@@ -90,9 +83,8 @@ def test_opencv_projects_alike_half_a_pixel_off(conforms, distortion):
 
 def test_without_distortion_a_camera_is_that_of_the_other_chapters(conforms):
     own = camera(np.zeros(5))
-    conforms.independent(
-        pinhole.project_points(own, box()), ideal_project(own.P[None], box())[0], atol=1e-10
-    )
+    ideal = pinhole.project(own.P[None], box())[0]
+    conforms.independent(pinhole.project_points(own, box()), ideal, atol=1e-10)
     np.testing.assert_array_equal(pinhole.projection_matrices([own, own])[1], own.P)
 
 
@@ -103,9 +95,6 @@ def test_resized_images_scale_about_their_corner(conforms, size):
     conforms.invariance(pinhole.project_points(small, box()), scale[:, None] * images, rtol=1e-12)
     assert small.size == size
     conforms.invariance(pinhole.resize_camera(small, SIZE).K, own.K, rtol=1e-15)
-
-
-# The board.
 
 
 def test_a_board_has_its_corners_where_four_tiles_meet(conforms):
