@@ -5,11 +5,6 @@ import numpy as np
 from thesis_lib.vision import pinhole
 
 SIZE = (320, 180)
-WRONG_SHAPES = [
-    (np.ones((1, 3, 4)), np.ones((1, 2, 1, 5)), "P: given shape"),
-    (np.ones((2, 3, 4)), np.ones((3, 2, 1, 5)), "uv: given shape"),
-    (np.ones((2, 3, 4)), np.ones(2), "uv: given shape"),
-]
 
 
 def rig(n, seed=0):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes.slabs import WRONG_SHAPES, box, faces, rig, rounded
+from scenes.slabs import box, faces, rig, rounded
 from scipy.spatial import ConvexHull, Delaunay, HalfspaceIntersection
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import truncnorm
@@ -104,13 +104,12 @@ def test_order_of_cameras_their_scale_and_whole_pixels_do_not_matter(conforms, s
     uv = rounded(P, box(100), sigma)
     here = posterior(P, uv, sigma)
     order, whole = rng.permutation(n), rng.integers(-40, 40, (n, 2))
-    scaled = P * rng.uniform(0.1, 10, (n, 1, 1))
     shifted = P.copy()
     shifted[:, :2] += whole[:, :, None] * P[:, 2:]
+    others = [(P[order], uv[order]), (P * rng.uniform(0.1, 10, (n, 1, 1)), uv),
+              (shifted, uv + whole[:, :, None])]  # fmt: skip
     for other in (
-        posterior(P[order], uv[order], sigma),
-        posterior(scaled, uv, sigma),
-        posterior(shifted, uv + whole[:, :, None], sigma),
+        *(posterior(*given, sigma) for given in others),
         interval.joint_interval(P, uv[:, :, None], sigma),
     ):
         conforms.invariance(other.points.reshape(3, 100), here.points, atol=1e-10)
@@ -224,7 +223,12 @@ def test_mass_and_slopes_are_those_of_a_truncated_normal(conforms, deviation):
     conforms.closed_form((1 - H * 0.01) * out**2, 1, rtol=0.02)
 
 
-ESTIMATES = (posterior, interval.joint_interval, analytic_centre, joint_centre)
+ESTIMATES = (triangulate, posterior, interval.joint_interval, analytic_centre, joint_centre)
+WRONG_SHAPES = [
+    (np.ones((1, 3, 4)), np.ones((1, 2, 1, 5)), "P: given shape"),
+    (np.ones((2, 3, 4)), np.ones((3, 2, 1, 5)), "uv: given shape"),
+    (np.ones((2, 3, 4)), np.ones(2), "uv: given shape"),
+]
 
 
 @pytest.mark.parametrize(("P", "uv", "named"), WRONG_SHAPES)

@@ -91,9 +91,9 @@ def test_narrower_slabs_hold_what_is_rounded_finer(conforms):
 # Rest and motion together.
 
 
-def moved(n=30, seed=0):
-    points = np.repeat(box(n, seed)[:, None], 2, axis=1)
-    points[2, 1] += np.random.default_rng(seed).uniform(-0.01, 0.01, n)
+def moved(seed=0):
+    points = np.repeat(box(seed=seed)[:, None], 2, axis=1)
+    points[2, 1] += np.random.default_rng(seed).uniform(-0.01, 0.01, 30)
     return points
 
 
