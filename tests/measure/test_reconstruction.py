@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refused import line_of
 from scenes.convergence import orders
 
 from thesis_lib.facts import setups
@@ -64,10 +65,9 @@ def test_no_small_turn_fits_the_grid_better(conforms, seed):
     least = np.sum((frame.to_beam(bent) - WORLD) ** 2)
     conforms.independent(frame.rms, np.sqrt(least / 75), rtol=1e-12)
     for axis in np.concatenate([np.eye(3), -np.eye(3)]):
-        turned = WORLD + np.cross(1e-4 * axis, WORLD.T).T
-        moved = WORLD + 1e-4 * axis[:, None]
-        for other in (turned, moved):
-            assert np.sum((frame.to_beam(bent) - other) ** 2) > least
+        turned = np.cross(1e-4 * axis, WORLD.T).T
+        for away in (turned, 1e-4 * axis[:, None]):
+            assert np.sum((frame.to_beam(bent) - WORLD - away) ** 2) > least
 
 
 def test_a_wrong_scale_is_reported_and_not_taken_away(conforms):
@@ -85,9 +85,7 @@ def test_unknown_markers_are_left_out_of_the_fit_which_needs_three(conforms):
     holed[:, 60] = WORLD[:, 60]  # of another row
     conforms.closed_form(rc.fit_grid(holed, WORLD).to_beam(WORLD), WORLD, atol=1e-12)
     holed[:, 2:] = np.nan
-    with pytest.raises(ValueError, match=r"^only 2 markers") as error:
-        rc.fit_grid(holed, WORLD)
-    assert "\n" not in str(error.value)
+    assert line_of(ValueError, rc.fit_grid, holed, WORLD).startswith("only 2 markers")
 
 
 def series(coefficients, times):
@@ -123,11 +121,9 @@ def test_the_covariance_is_the_scatter_of_many_draws(conforms, gaps):
     values[missing] = np.nan
     found = fit_harmonics(OMEGA, TIMES, values)
     expected = sigma**2 * found.covariance[..., 0]
-    scatter = np.cov(found.coefficients)
     deviations = np.sqrt(np.diag(expected))
-    conforms.sampled(
-        np.abs((scatter - expected) / np.outer(deviations, deviations)).max(), below=0.1
-    )
+    off = (np.cov(found.coefficients) - expected) / np.outer(deviations, deviations)
+    conforms.sampled(np.abs(off).max(), below=0.1)
     conforms.sampled(np.sqrt(np.mean(found.sigma**2)), sigma, rtol=0.01)
     conforms.sampled(found.coefficients.mean(axis=1), np.ones(5), atol=5 * sigma / draws**0.5)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from refused import line_of
 from scenes import own
 from scenes.calibration import BOARD, SIZE, observations, rig
 from scenes.jackknife import deviations_of, differences
@@ -168,12 +169,9 @@ def test_hostile_calibrations_are_refused_in_one_line_at_once(tmp_path, name, te
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     began = time.process_time()
-    with pytest.raises(ManifestError) as refused:
-        read_cameras(path)
+    line = line_of(ManifestError, read_cameras, path)
     assert time.process_time() - began < 1
-    line = str(refused.value)
     assert line.startswith(str(path))
-    assert "\n" not in line
     assert len(line) < 400 + len(str(path))
     assert not re.search(r"Error|Exception|NoneType|object at|'(list|dict|str|float)'", line), line
 

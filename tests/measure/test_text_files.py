@@ -4,6 +4,7 @@ import gc
 import time
 
 import pytest
+from refused import line_of
 
 from thesis_lib.measure.exchange.cameras import read_cameras
 from thesis_lib.measure.recordings import text_files
@@ -34,14 +35,11 @@ def test_hostile_texts_are_refused_at_once(kind):
     gc.disable()  # nor is garbage of other tests collected meanwhile
     try:
         began = time.process_time()
-        with pytest.raises(text_files.TextFileError) as refused:
-            parse(text)
+        said = line_of(text_files.TextFileError, parse, text)
         taken = time.process_time() - began
     finally:
         gc.enable()
     assert taken < 1
-    said = str(refused.value)
-    assert "\n" not in said
     assert len(said) < 200
     assert not any(word in said for word in ("Error", "recursion", "<class", "object at"))
 

@@ -1,10 +1,12 @@
 """Marker centres against the projected discs, and what is hidden, cut off or not there."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import permutations
 
 import numpy as np
 import pytest
+from refused import line_of
 from scenes.discs import camera, disc_centroids
 
 from thesis_lib.facts import setups
@@ -25,6 +27,7 @@ BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 MOTION = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.0005)), 0.0, 0.25)
 HALF = (960, 540)
+refusal = partial(line_of, homography.TrackingError)
 
 
 def followed(video, at, markers, shares=(), corners=None):
@@ -333,28 +336,21 @@ def test_a_detector_is_a_function_and_a_line(monkeypatch, rest):
     np.testing.assert_allclose(detector.centres(frame), discs.centres(frame), atol=0.05)
 
 
-def one_line(call, *arguments):
-    with pytest.raises(homography.TrackingError) as error:
-        call(*arguments)
-    assert "\n" not in str(error.value)
-    return str(error.value)
-
-
 def test_pictures_that_do_not_show_the_beam_are_refused(rest):
     at, image, _, _ = rest
     spot = np.zeros((1080, 1920), np.uint8)
     spot[500:505, 700:703] = 250
-    assert "too small" in one_line(homography.find_view, spot, at, MARKERS)
-    one_line(found_view, at, np.full((1080, 1920), 60, np.uint8))
+    assert "too small" in refusal(homography.find_view, spot, at, MARKERS)
+    refusal(found_view, at, np.full((1080, 1920), 60, np.uint8))
     hole = painted(image, hole_px(at), 5, 200)
-    assert "the hole is not seen" in one_line(homography.find_view, hole, at, MARKERS)
+    assert "the hole is not seen" in refusal(homography.find_view, hole, at, MARKERS)
     blank = np.where(image > 60, 200, image).astype(np.uint8)
-    message = one_line(sharpen_view, blank, homography.view_of(at, MARKERS, corners(at)))
+    message = refusal(sharpen_view, blank, homography.view_of(at, MARKERS, corners(at)))
     assert "of 76 markers" in message
     crossed = homography.view_of(
         at, MARKERS, np.array([[100, 1800, 100, 1800], [100, 900, 900, 100]])
     )
-    assert one_line(sharpen_view, image, crossed).startswith("camera A: ")
+    assert refusal(sharpen_view, image, crossed).startswith("camera A: ")
 
 
 @pytest.mark.parametrize(
@@ -367,7 +363,8 @@ def test_pictures_that_do_not_show_the_beam_are_refused(rest):
 )
 def test_markers_of_another_grid_are_refused(rest, wrong, said):
     at, image, _, _ = rest
-    message = one_line(lambda: sharpen_view(image, homography.view_of(at, wrong, corners(at))))
+    view = homography.view_of(at, wrong, corners(at))
+    message = refusal(sharpen_view, image, view)
     assert message.startswith("camera A: ")
     assert said in message
 
@@ -390,7 +387,7 @@ def test_given_corners_are_those_in_the_picture(conforms, rest, video):
     px = seen_corners(at)
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
-    assert "corners_px" in one_line(homography.find_view, rest[1], at, markers)
+    assert "corners_px" in refusal(homography.find_view, rest[1], at, markers)
     px = px + 2.0 * np.random.default_rng(3).uniform(-1, 1, px.shape)
     given, _ = followed(path, at, markers, corners=tuple(map(tuple, px.T.tolist())))
     conforms.closed_form(
@@ -465,7 +462,7 @@ def test_a_homography_is_found_from_points_some_of_them_missing(conforms):
     again = homography.apply_homography(homography.fit_homography(plane, image), plane)
     conforms.closed_form(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
     image[:, 3:] = np.nan
-    assert "only 3 of 20 points" in one_line(homography.fit_homography, plane, image)
+    assert "only 3 of 20 points" in refusal(homography.fit_homography, plane, image)
 
 
 def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
