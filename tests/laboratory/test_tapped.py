@@ -42,9 +42,8 @@ def test_a_tap_against_its_equation_of_motion():
                       rtol=1e-9, atol=1e-14)  # fmt: skip
     points = np.array([[0.2, BEAM.length], [0.01, 0.02]])
     expected = found.y[:3].T @ BEAM.mode_shapes([1, 2, 3], points)
-    np.testing.assert_allclose(
-        motion.deflection(points, times), expected, atol=1e-6 * np.abs(expected).max()
-    )
+    most = 1e-6 * np.abs(expected).max()
+    np.testing.assert_allclose(motion.deflection(points, times), expected, atol=most)
     force, _ = quad(lambda t: float(motion.force(np.array(t))), motion.start, motion.steady)
     assert force == pytest.approx(0.02, rel=1e-6)
     assert np.all(motion.coordinates(motion.start - np.array([1.0, 0.01])) == 0)
@@ -54,9 +53,8 @@ def test_a_tap_against_its_equation_of_motion():
 def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     """By the whole chain: the thesis's markers, whose rows lie 5 px apart, move 2 px a frame."""
     rates, readout = (60.0, 50.0, 29.97), 0.008
-    own = tap_structure(
-        beam_rig(), DAMPING, POINT, rates=rates, impulse=0.02, seconds=2.6, rest=0.6
-    )
+    given = {"rates": rates, "impulse": 0.02, "seconds": 2.6, "rest": 0.6}
+    own = tap_structure(beam_rig(), DAMPING, POINT, **given)
     sought = {"from_hz": 4.0, "to_hz": 130.0, "count": 3}
     excitation = {"kind": "free_decay", "sound": "room", "rest_duration_s": 0.55, "modes": sought}
     force = force_heard(own, tmp_path, POINT)
@@ -69,9 +67,8 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     with xr.open_dataset(tmp_path / "out" / "modes.nc") as file:
         found = file.load()
     motion = own.motion
-    np.testing.assert_allclose(
-        found["frequency"], [part.frequency for part in motion.components], rtol=1e-4
-    )
+    hertz = [part.frequency for part in motion.components]
+    np.testing.assert_allclose(found["frequency"], hertz, rtol=1e-4)
     np.testing.assert_allclose(found["damping"], DAMPING, rtol=0.01)
     shapes = found["amplitude_real"].values + 1j * found["amplitude_imag"].values
     true = motion.amplitudes(own.markers.centres, float(found["zero"]) + own.stations[0].start)

@@ -69,7 +69,6 @@ def recordings(folder, frequency=FREQUENCY, noise=0.0):
 
 
 def fitted(tracks, frequency=FREQUENCY):
-    """The result, as the pipeline has it."""
     given = manifest_of(RIG)
     driven = given.excitation.model_copy(
         update={"rest_duration_s": REST, "frequency_hz": frequency, "undersampled": frequency > 20}

@@ -342,9 +342,9 @@ def test_what_is_missing_is_said(places, line):
 
 def test_cameras_without_a_place_do_not_count():
     values = change(rig(), cameras__1__elevation_deg=None, cameras__3__focal_length_mm=None)
-    both = rig([(10, 22), (190, 22)])
-    assert assessed(values).rig == assessed(both).rig
-    assert assessed(values).rig.located == 2
+    found = assessed(values).rig
+    assert found == assessed(rig([(10, 22), (190, 22)])).rig
+    assert found.located == 2
 
 
 def random_values(rng):
@@ -354,7 +354,6 @@ def random_values(rng):
         return None if rng.random() < 0.1 else value
 
     def upto(low, high):
-        """A number between two powers of ten."""
         return 10 ** rng.uniform(low, high)
 
     kind = str(rng.choice(["beam", "plate", "flat"]))

@@ -22,7 +22,6 @@ from thesis_lib.measure.recordings.validation import check_excitation, check_rec
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """A folder with two cameras' files."""
     folder = tmp_path_factory.mktemp("recordings")
     frames = np.random.default_rng(0).integers(0, 256, (6, 48, 64), np.uint8)
     hiss = np.random.default_rng(1).uniform(-0.1, 0.1, 52800)

@@ -23,10 +23,8 @@ from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 PLATE = setups.thesis_plate((9, 6))
 OMEGA = resonance_frequency(PLATE, 1)
 TRUE = deflection_shape(PLATE, 1, PLATE.markers, 1e-3) * np.exp(0.7j)
-SURFACE = Surface.from_outline(
-    np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 1600,
-    (PLATE.length / 2, PLATE.width / 2),
-)  # fmt: skip
+OUTLINE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent
+SURFACE = Surface.from_outline(OUTLINE, 1600, (PLATE.length / 2, PLATE.width / 2))
 NOISE, COMMON = 4e-6, 1e-3  # m of a marker; of all together, relative
 POINTS = np.array([[0.0, 0.3], [0.0, 0.2], [1.0, 0.5]])
 CAMERAS = [
@@ -52,26 +50,19 @@ def measurement(shape=TRUE, noise=NOISE):
     n = len(shape)
     each = dict.fromkeys(["standard_error", "error_of_scatter"], ("marker", np.full(n, noise)))
     common = COMMON * shape[None]
-    return xr.Dataset(
-        each
-        | {
-            "amplitude_real": ("marker", shape.real),
-            "amplitude_imag": ("marker", shape.imag),
-            "deflection": ("marker", np.abs(shape)),
-            "in_plane_excess": ((), 0.9),
-            "grid_scale": ((), 1.0),
-            "frequency": ((), OMEGA / 2 / np.pi),
-            "rest_position": (("axis", "marker"), np.zeros((3, n))),
-            "shared_real": (("row", "marker"), common.real),
-            "shared_imag": (("row", "marker"), common.imag),
-        },
-        {"axis": ["x", "y", "z"]},
-    )
+    values = each | {
+        "amplitude_real": ("marker", shape.real), "amplitude_imag": ("marker", shape.imag),
+        "deflection": ("marker", np.abs(shape)), "in_plane_excess": 0.9, "grid_scale": 1.0,
+        "frequency": OMEGA / 2 / np.pi, "rest_position": (("axis", "marker"), np.zeros((3, n))),
+        "shared_real": (("row", "marker"), common.real),
+        "shared_imag": (("row", "marker"), common.imag),
+    }  # fmt: skip
+    return xr.Dataset(values, {"axis": ["x", "y", "z"]})
 
 
 def exact():
     """Power of the true shape by Rayleigh's sum over 3600 cells."""
-    fine = Surface.from_outline(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 3600)
+    fine = Surface.from_outline(OUTLINE, 3600)
     w = deflection_shape(PLATE, 1, fine.places, 1e-3)
     return float(np.ravel(fine.power_form(w[:, None], OMEGA))[0])
 
@@ -84,9 +75,12 @@ def small_planes():
         yield
 
 
+TWO_POINTS = manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]})
+
+
 @pytest.fixture(scope="module")
 def made():
-    return sound_of(measurement(), manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]}))
+    return sound_of(measurement(), TWO_POINTS)
 
 
 @pytest.fixture(scope="module")
@@ -110,17 +104,15 @@ def test_standard_errors_are_the_scatter_of_measurements(kind, conforms):
     if kind == "model":
         own = radiated.by_model(PLATE, PLATE.markers, radius, places)
     else:
-        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent
-        held = radiated.edge_places(corners, [0, 1, 2, 3], 0.07)
+        held = radiated.edge_places(OUTLINE, [0, 1, 2, 3], 0.07)
         own = radiated.by_spline(PLATE.markers, held, places)
 
     power, plain = (of(own.moving, OMEGA) for of in (SURFACE.power_form, SURFACE.plane_wave_form))
     rows = SURFACE.pressure_matrix(own.moving, POINTS, OMEGA)
 
     def heard(shape):
-        known = estimates.circular_estimate(
-            shape, np.full(len(shape), NOISE**2), COMMON * shape[None]
-        )
+        scatter = np.full(len(shape), NOISE**2)
+        known = estimates.circular_estimate(shape, scatter, COMMON * shape[None])
         return {
             "power": estimates.estimate_quadratic_form(power, known),
             "efficiency": estimates.estimate_ratio(power, plain, known),
@@ -136,9 +128,8 @@ def test_standard_errors_are_the_scatter_of_measurements(kind, conforms):
         value, error = (
             np.array([getattr(one[name], part) for one in found]) for part in ("value", "error")
         )
-        conforms.independent(
-            np.mean(error, axis=0) / value.std(axis=0), 1 + 0 * error[0], atol=0.15
-        )
+        scatter = np.mean(error, axis=0) / value.std(axis=0)
+        conforms.independent(scatter, 1 + 0 * scatter, atol=0.15)
         should = np.real(np.conj(TRUE) @ power @ TRUE) if name == "power" else truth[name].value
         within = np.abs(value - should) <= 2 * error
         assert np.all(np.mean(within, axis=0) > 0.92), name
@@ -165,7 +156,7 @@ def test_markers_tell_waves_of_two_spacings_and_no_shorter_ones(made, conforms):
 
 def test_what_a_plate_without_a_wall_radiates_is_estimated_from_its_markers(made, conforms):
     """By the true shape on finer cells; mode 1 is half a wave along and half a wave across."""
-    screen = Screen.from_outline(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 900)
+    screen = Screen.from_outline(OUTLINE, 900)
     w = deflection_shape(PLATE, 1, screen.places, 1e-3)[:, None]
     level = 10 * np.log10(float(screen.power_form(w, OMEGA)[0, 0]) / exact())
     std = float(made["no_wall_change_std"][0])
@@ -227,18 +218,13 @@ WRONG, SINCE = 0.05, 0.15  # relative error of these; time from the moment to th
 
 def modes(shapes=(TRUE, OTHER), decays=DECAYS, damped=True):
     """What a measurement of two modes would be, in which calibrations err for both alike."""
-    one, several = measurement(), np.array(shapes)
-    omega = np.array(OMEGAS)
-    shared = COMMON * several[None]
-    fields = {
-        "amplitude_real": several.real,
-        "amplitude_imag": several.imag,
-        "error_of_scatter": np.full(several.shape, NOISE),
-        "standard_error": np.full(several.shape, NOISE),
-    }
-    made = one.drop_vars([*fields, "shared_real", "shared_imag"])
-    return made.assign(
-        **{name: (("mode", "marker"), value) for name, value in fields.items()},
+    several, omega = np.array(shapes), np.array(OMEGAS)
+    shared, noise = COMMON * several[None], np.full(several.shape, NOISE)
+    return measurement().assign(
+        amplitude_real=(("mode", "marker"), several.real),
+        amplitude_imag=(("mode", "marker"), several.imag),
+        error_of_scatter=(("mode", "marker"), noise),
+        standard_error=(("mode", "marker"), noise.copy()),
         shared_real=(("row", "mode", "marker"), shared.real),
         shared_imag=(("row", "mode", "marker"), shared.imag),
         frequency=("mode", omega / 2 / np.pi),
@@ -249,27 +235,21 @@ def modes(shapes=(TRUE, OTHER), decays=DECAYS, damped=True):
     )
 
 
-def alone(shape, omega):
-    """The measurement of one of them, as a steady tone."""
-    return measurement(shape).assign(frequency=omega / 2 / np.pi)
-
-
 @pytest.fixture(scope="module")
 def decaying():
-    return sound_of(modes(), manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]}))
+    return sound_of(modes(), TWO_POINTS)
 
 
 @pytest.fixture(scope="module")
 def steady():
-    return sound_of(modes(damped=False), manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]}))
+    return sound_of(modes(damped=False), TWO_POINTS)
 
 
 @pytest.mark.slow
 def test_each_of_several_tones_sounds_as_it_would_alone(steady, decaying, conforms):
     for k, shape in enumerate((TRUE, OTHER)):
-        one = sound_of(alone(shape, OMEGAS[k]), manifest({"points_mm": [[300, 200, 500]]})).isel(
-            tone=0
-        )
+        alone = measurement(shape).assign(frequency=OMEGAS[k] / 2 / np.pi)
+        one = sound_of(alone, manifest({"points_mm": [[300, 200, 500]]})).isel(tone=0)
         for name in ("power", "efficiency", "pressure_real", "pressure_imag"):
             found = steady[name].isel(tone=k)
             found = found.isel(point=1) if "point" in found.dims else found
@@ -279,9 +259,8 @@ def test_each_of_several_tones_sounds_as_it_would_alone(steady, decaying, confor
 
 
 def test_powers_of_tones_add_up_and_their_common_errors_too(steady, conforms):
-    conforms.invariance(
-        steady["band_power"].values, [steady["power"].sum(), *steady["power"]], rtol=1e-9
-    )
+    summed = [steady["power"].sum(), *steady["power"]]
+    conforms.invariance(steady["band_power"].values, summed, rtol=1e-9)
     assert steady["band"].values.tolist() == ["all", "250", "500"]
     assert "energy" not in steady
     whole, each = float(steady["band_power_error"][0]), steady["power_error"].values
@@ -345,10 +324,12 @@ def test_a_sound_file_has_the_pressure_of_its_point(made, tmp_path, conforms):
 
 def test_what_has_no_sound_is_refused_in_a_line():
     crossed = [[0, 0], [668, 443], [668, 0], [0, 443]]
-    with pytest.raises(ValidationError, match=r"corners \[x, y\] whose edges do not cross"):
-        manifest({"outline_mm": crossed})
-    with pytest.raises(ValidationError, match="no model of this outline"):
-        manifest({"between": "model", "outline_mm": "hull"})
+    for radiation, words in (
+        ({"outline_mm": crossed}, r"corners \[x, y\] whose edges do not cross"),
+        ({"between": "model", "outline_mm": "hull"}, "no model of this outline"),
+    ):
+        with pytest.raises(ValidationError, match=words):
+            manifest(radiation)
     few = [[9, 9], [99, 9], [99, 99], [9, 99]]
     with pytest.raises(ValidationError, match="6 markers or more, given 4"):
         manifest(kind="flat", markers={"points_mm": few})
@@ -366,7 +347,6 @@ def test_a_structure_that_is_not_flat_and_markers_too_few_are_refused():
 
 
 def test_the_hull_is_around_the_markers(conforms):
-    own = manifest({"outline_mm": "hull"})
-    made = sound_of(measurement(), own)
+    made = sound_of(measurement(), manifest({"outline_mm": "hull"}))
     width, height = 668 * 8 / 9 + 1, 443 * 5 / 6 + 1
     conforms.closed_form(float(made["area"]), width * height * 1e-6, rtol=1e-5)

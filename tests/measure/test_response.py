@@ -45,30 +45,23 @@ class Scene:
         """The manifest with a kind of excitation, and fields of the force."""
         at = tuple(1e3 * x for x in self.truth.place)
         given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.5, "at_mm": at}
-        changed = {
-            "excitation": Excitation(
-                kind=kind, rest_duration_s=0.45, sound="room", modes=modes or Sought()
-            ),
-            "force": Force(**given | force),
-        }
+        driven = Excitation(kind=kind, rest_duration_s=0.45, sound="room", modes=modes or Sought())
+        changed = {"excitation": driven, "force": Force(**given | force)}
         return self.manifest.model_copy(update=changed)
 
     def responded(self, manifest):
-        """What is found."""
         return result.estimate_response(manifest, SILENT, self.recordings, self.folder)
 
 
-def scene(folder, newtons, damping, seconds, noise=0.02, heard=None, rates=RATES, place=PLACE):
-    """A force is written as it is heard, which may be with noise."""
+def scene(folder, newtons, damping, seconds, noise=0.02, rates=RATES, place=PLACE):
     truth = Driven(newtons, damping, place)
     found, manifest = recorded(folder, rig(), truth, seconds, rates, noise)
-    write_wav(folder / "force.wav", (newtons if heard is None else heard) / SCALE)
+    write_wav(folder / "force.wav", newtons / SCALE)
     cameras = zip(manifest.cameras, rates, strict=True)
     own = tuple(c.model_copy(update={"frame_rate_hz": r}) for c, r in cameras)
     beam = manifest.structure.model_copy(update={"damping": damping[0]})
-    return Scene(
-        folder, truth, found, manifest.model_copy(update={"cameras": own, "structure": beam})
-    )
+    manifest = manifest.model_copy(update={"cameras": own, "structure": beam})
+    return Scene(folder, truth, found, manifest)
 
 
 @pytest.fixture(scope="module")
@@ -115,9 +108,8 @@ def test_a_band_is_known_between_uneven_stamps_rows_and_exposures(share):
     tone = np.sinc(f * exposure) * np.sin(2 * np.pi * f * (times[:, None] + late))
     wanted = np.arange(1.0, 14.0, 1 / 47)
     found = signals.at_times(times, tone, 60.0, wanted, late, exposure)
-    np.testing.assert_allclose(
-        found, np.sin(2 * np.pi * f * wanted)[:, None] * np.ones(3), atol=0.015
-    )
+    true = np.sin(2 * np.pi * f * wanted)[:, None] * np.ones(3)
+    np.testing.assert_allclose(found, true, atol=0.015)
 
 
 def test_missing_samples_are_bridged_and_gaps_are_told():
@@ -149,10 +141,8 @@ def drawn(noise_of_force, noise_of_motion, seed, count=400):
 def test_standard_errors_of_every_estimator_are_what_draws_scatter_by(of_force, of_motion):
     """About what each tends to, which noise in force and motion moves."""
     draws = [drawn(of_force, of_motion, seed, 30) for seed in range(60)]
-    found, told = (
-        np.array([getattr(one, name)[:, 0, 2:-2] for one in draws])
-        for name in ("receptance", "deviation")
-    )
+    found = np.array([one.receptance[:, 0, 2:-2] for one in draws])
+    told = np.array([one.deviation[:, 0, 2:-2] for one in draws])
     h1, h2 = 3 / (1 + of_force), 3 * (1 + of_motion)
     for k, limit in enumerate((h1, h2, np.sqrt(h1 * h2))):
         off = (found[:, k] - limit) / told[:, k]
@@ -205,9 +195,8 @@ def test_receptance_is_that_of_the_structure_within_its_errors(driven, averaged)
         assert 0.8 < scatter < 1.2
     assert np.median(error) < 0.05
     mobility = complex_of(data, "mobility")
-    np.testing.assert_allclose(
-        mobility, 2j * np.pi * f * complex_of(data, "receptance"), rtol=1e-12
-    )
+    expected = 2j * np.pi * f * complex_of(data, "receptance")
+    np.testing.assert_allclose(mobility, expected, rtol=1e-12)
     assert int(data["drive"]) in (46, 21, 71)
 
 
@@ -247,9 +236,8 @@ def test_a_sweep_is_found_in_the_force_and_dwells_until_a_resonance_settles():
     assert found.to_hz == pytest.approx(5, rel=0.2)
     assert found.duration_s == pytest.approx(10, rel=0.1)
     slow = Sweep(from_hz=5.0, to_hz=10.0, duration_s=100.0)
-    assert signals.dwell_time(slow, 6.0, 0.01) == pytest.approx(
-        2.4
-    )  # s, for 0.12 Hz at 0.05 Hz a second
+    dwell_s = signals.dwell_time(slow, 6.0, 0.01)
+    assert dwell_s == pytest.approx(2.4)  # for 0.12 Hz at 0.05 Hz a second
     assert signals.settling_time(6.0, 0.01) == pytest.approx(4 / (2 * np.pi * 0.06))
 
 
@@ -308,7 +296,6 @@ def test_a_sound_track_of_a_camera_has_its_clock(tmp_path):
 
 
 def manifest_for(folder, **force):
-    """Two cameras of 10 Hz, and a force."""
     given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.0, "at_mm": [100.0, 15.0]}
     cameras = [
         {"name": name, "video": f"{name}.mkv", "board_images": "x*.png", "exposure_s": 0.01,
@@ -357,20 +344,24 @@ def test_a_force_is_checked_before_anything_is_calibrated(tmp_path):
 
 
 def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path):
-    def said(kind="random", **force):
-        values = manifest_for(tmp_path).model_dump(mode="json")
-        given = {"force": values["force"] | force, "excitation": {"kind": kind}}
-        return Manifest.model_validate_json(json.dumps(values | given))
-
-    with pytest.raises(ValueError, match=r"full_scale_n: given null.*above 0, in N"):
-        said(full_scale_n=None)
-    with pytest.raises(ValueError, match=r"full_scale_n: given 2.0, allowed with a table"):
-        said(file="x.csv")
-    with pytest.raises(ValueError, match=r"at_mm: given .700.0, 15.0., allowed: null, or"):
-        said(at_mm=[700.0, 15.0])
+    values = manifest_for(tmp_path).model_dump(mode="json") | {"excitation": {"kind": "random"}}
+    given = values["force"]
+    for force, words in (
+        ({"full_scale_n": None}, r"full_scale_n: given null.*above 0, in N"),
+        ({"file": "x.csv"}, r"full_scale_n: given 2.0, allowed with a table"),
+        ({"at_mm": [700.0, 15.0]}, r"at_mm: given .700.0, 15.0., allowed: null, or"),
+    ):
+        values["force"] = given | force
+        with pytest.raises(ValueError, match=words):
+            Manifest.model_validate_json(json.dumps(values))
 
 
 # Report and files.
+
+
+def read_curves(folder):
+    sets = pyuff.UFF(str(folder / "response.uff")).read_sets()
+    return [one for one in sets if one["type"] == 58]
 
 
 @pytest.mark.slow
@@ -380,8 +371,7 @@ def test_curves_go_to_a_report_and_files(driven, tmp_path):
     assert page.page.count("<figure>") == 3
     assert said[2].startswith("receptance of 75 markers from 2")
     data = xr.open_dataset(tmp_path / "response.nc")
-    sets = [one for one in pyuff.UFF(str(tmp_path / "response.uff")).read_sets()
-            if one["type"] == 58]  # fmt: skip
+    sets = read_curves(tmp_path)
     curves = [one for one in sets if one["func_type"] == 4]
     assert [one["rsp_node"] for one in curves] == list(range(1, 76))
     assert {(one["ref_node"], one["rsp_dir"], one["ref_dir"]) for one in curves} == {(76, 3, 3)}
@@ -427,8 +417,7 @@ def test_a_tap_has_modes_and_curves_in_one_report(tapped):
 def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
     """Complex poles by LSCF, shapes by LSFD, of the receptances in the universal file."""
     truth, out = tapped
-    sets = [one for one in pyuff.UFF(str(out / "response.uff")).read_sets()
-            if one["type"] == 58 and one["func_type"] == 4]  # fmt: skip
+    sets = [one for one in read_curves(out) if one["func_type"] == 4]
     f = sets[0]["x"]
     before = round(f[0] / (f[1] - f[0]))  # lines that it needs from 0 Hz on
     curves = np.pad([one["data"] for one in sets], ((0, 0), (before, 0)))
@@ -451,21 +440,19 @@ def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
 @pytest.mark.nightly
 def test_what_a_reader_should_know_is_told(driven, averaged):
     manifest, data = driven.asked(segment_s=5.0), averaged
+    blurred = {"blur": 2.5 * data["standard_error"], "standard_error": 3 * data["standard_error"]}
+    late = {"phase_deviation": 0 * data["phase_deviation"] + 0.5, "delay_deviation": 0.003}
     changes = {
         "The force covers": {"filmed": ("end", [0.0, 90.0])},
         "The force acts 1[0-9]{2} mm": {"force_place": ("xy", [0.65, 0.015])},
         "The curves rest on 3.0 averages": {"averages": 0 * data["averages"] + 3},
         "Half of the lines of marker 46": {"coherence": 0.5 * data["coherence"]},
-        "The clock of the force is known to 3 ms": {
-            "phase_deviation": 0 * data["phase_deviation"] + 0.5, "delay_deviation": 0.003
-        },
+        "The clock of the force is known to 3 ms": late,
         "The clock of the force runs 40 ppm fast": {"pace": 4e-5},
         "30% of the power of the force": {"beyond": 0.3},
-        "Segments of 5 s": {
-            "blur": 2.5 * data["standard_error"], "standard_error": 3 * data["standard_error"]
-        },
-    }  # fmt: skip
+        "Segments of 5 s": blurred,
+    }
     for told, changed in changes.items():
-        assert not [one for one in check_response(data, manifest) if re.match(told, one.text)]
-        noted = check_response(data.assign(changed), manifest)
-        assert [one for one in noted if re.match(told, one.text)], told
+        before, after = (check_response(one, manifest) for one in (data, data.assign(changed)))
+        assert not [one for one in before if re.match(told, one.text)]
+        assert [one for one in after if re.match(told, one.text)], told

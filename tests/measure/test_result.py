@@ -75,7 +75,6 @@ def heard(frequency=4.25, of_force=1, end=END):
 
 
 def manifest(**excitation):
-    """The rig's manifest."""
     given = manifest_of(RIG)
     driven = given.excitation.model_copy(update={"rest_duration_s": REST, **excitation})
     pairs = zip(given.cameras, RATES, strict=True)

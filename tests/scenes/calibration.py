@@ -69,9 +69,8 @@ def picture(camera, rotation, translation, board=BOARD, samples=128, blur=0.6, l
     """
     width, height = camera.size
     u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    xy = pinhole.undistort_coordinates(
-        pinhole.from_pixels(camera.K, np.stack([u, v])), camera.distortion
-    )
+    bent = pinhole.from_pixels(camera.K, np.stack([u, v]))
+    xy = pinhole.undistort_coordinates(bent, camera.distortion)
     rays = np.tensordot((camera.R_camera_world @ rotation).T, np.stack([*xy, np.ones_like(u)]), 1)
     origin = rotation.T @ (camera.centre - translation)
     depth = -origin[2] / rays[2]
@@ -125,7 +124,6 @@ def nearest_order(found, exact):
     """The errors (2, corners) of found corners in whichever order of the grid is nearest."""
     nx = BOARD.shape[0]
     grid = exact.reshape(2, nx, nx)
-    orders = [
-        np.rot90(g, k, (1, 2)).reshape(2, -1) for g in (grid, grid[:, ::-1]) for k in range(4)
-    ]
-    return min((found - order for order in orders), key=lambda e: np.abs(e).sum())
+    turned = [np.rot90(side, k, (1, 2)) for side in (grid, grid[:, ::-1]) for k in range(4)]
+    off = [found - order.reshape(2, -1) for order in turned]
+    return min(off, key=lambda error: np.abs(error).sum())

@@ -28,7 +28,7 @@ class Driven:
 
     def receptance(self, frequency):
         """Σ φ(x) φ(x_F) / (m (ω_r² − ω² + 2jζω_rω)), m/N, shape (markers, lines)."""
-        omega = 2 * np.pi * np.asarray(frequency)
+        omega = 2 * np.pi * frequency
         total = np.zeros((POINTS.shape[1], len(omega)), complex)
         for own, zeta, (form, gain) in zip(self.omega, self.damping, self._modes, strict=True):
             total += np.outer(form, gain / (own**2 - omega**2 + 2j * zeta * own * omega))
@@ -37,12 +37,12 @@ class Driven:
     def at(self, times):
         """Deflection at times (..., markers), m."""
         parts = zip(self.coordinates, self._modes, strict=True)
-        return np.asarray(sum(q(np.maximum(times, 0)) * form for q, (form, _) in parts), float)
+        return sum(q(np.maximum(times, 0)) * form for q, (form, _) in parts)
 
     @cached_property
     def omega(self):
         """Natural frequencies, rad/s."""
-        return np.asarray(BEAM.angular_frequencies(len(self.damping)), float)
+        return BEAM.angular_frequencies(len(self.damping))
 
     @cached_property
     def _modes(self):
@@ -61,9 +61,8 @@ class Driven:
         t = np.arange(len(self.newtons)) / FINE
         found = []
         for own, zeta, (_, gain) in zip(self.omega, self.damping, self._modes, strict=True):
-            system = StateSpace(
-                [[0, 1], [-(own**2), -2 * zeta * own]], [[0], [gain]], [[1, 0]], [0]
-            )
+            moves = [[0, 1], [-(own**2), -2 * zeta * own]]
+            system = StateSpace(moves, [[0], [gain]], [[1, 0]], [0])
             found.append(CubicSpline(t, lsim(system, self.newtons, t)[1]))
         return found
 
@@ -73,7 +72,7 @@ def random_force(seconds, level=0.1):
     rng = np.random.default_rng(0)
     taps = firwin(2001, 45.0, fs=FINE)
     made = oaconvolve(rng.standard_normal(int(seconds * FINE) + 2000), taps, "valid")
-    return np.asarray(level * made / made.std(), float)
+    return level * made / made.std()
 
 
 def swept_force(seconds, duration, from_hz, to_hz, level=0.1):
@@ -81,7 +80,7 @@ def swept_force(seconds, duration, from_hz, to_hz, level=0.1):
     t = np.arange(int(seconds * FINE)) / FINE
     phase = 2 * np.pi * (from_hz * t + (to_hz - from_hz) * t**2 / (2 * duration))
     edge = np.clip(np.minimum(t, duration - t) / 0.5, 0, 1)
-    return np.asarray(level * np.sin(0.5 * np.pi * edge) ** 2 * np.sin(phase), float)
+    return level * np.sin(0.5 * np.pi * edge) ** 2 * np.sin(phase)
 
 
 def write_wav(path, *channels, rate=2000):

@@ -19,10 +19,8 @@ def differences(cameras, others):
         np.r_[(p.K - q.K)[[0, 1, 0, 1], [0, 1, 2, 2]], (p.distortion - q.distortion)[:4]]
         for p, q in zip(cameras, others, strict=True)
     ]
-    places = (
-        [each.ravel() for each in align_cameras(cameras, others)[1:]] if len(cameras) > 1 else []
-    )
-    return np.concatenate([*lenses, *places])
+    places = align_cameras(cameras, others)[1:] if len(cameras) > 1 else []
+    return np.concatenate([*lenses, *(each.ravel() for each in places)])
 
 
 def deviations_of(adjustment):

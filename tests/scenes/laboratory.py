@@ -27,15 +27,12 @@ def recordings(request, sigma=0.0, seed=0, starts=None):
     period = first + begin + np.arange(4096) / 4096 / request.frequency_hz
     angle = 2 * np.pi * request.frequency_hz * (period - first)
     force = 2 * np.mean(rig.motion.force(period) * np.exp(-1j * angle)) / rig.full_scale
-    both = ("calibration", "camera")
+    both, each = ("calibration", "camera"), ("camera", "width", "frame", "axis", "marker")
     text = {"units": "1", "long_name": "for the cube"}
     return xr.Dataset(
         {
-            "tracks": (("camera", "width", "frame", "axis", "marker"), tracks),
-            "matches": (
-                ("camera", "width", "frame", "axis", "marker"),
-                np.rint(tracks / MATCH) * MATCH,
-            ),
+            "tracks": (each, tracks),
+            "matches": (each, np.rint(tracks / MATCH) * MATCH),
             "rest": ((), REST_S),
             "frame_rate": ("camera", [request.frame_rate_hz] * 4),
             "delay": ("camera", delays),
@@ -62,13 +59,10 @@ def recordings(request, sigma=0.0, seed=0, starts=None):
 def replicates(request, count, sigma=0.0):
     """Return recordings that differ by starts and noise alone, with their estimates."""
     starts = [np.random.default_rng(n).uniform(0, 0.25, len(CAMERA_NAMES)) for n in range(count)]
-    every = [recordings(request, sigma, n, own) for n, own in enumerate(starts)]
-    return estimated(request, every)
+    return estimated(request, [recordings(request, sigma, n, own) for n, own in enumerate(starts)])
 
 
 def estimated(request, every):
     """Return recordings as replicates, with their estimates."""
-    names = [str(name) for name in every[0].data_vars]
-    return join_replicates(
-        [data.merge(estimate_deflections(request, data)) for data in every], names
-    )
+    whole = [data.merge(estimate_deflections(request, data)) for data in every]
+    return join_replicates(whole, [str(name) for name in every[0].data_vars])

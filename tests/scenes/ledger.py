@@ -25,7 +25,6 @@ def sets():
 
 @cache
 def cube_of(name):
-    """The cube of a figure set."""
     if STUDIES[name].subject in ("experiment", "lab"):
         return cube_file.cube_of(STUDIES[name]())  # from the recordings that are stored
     few = {"plane_shape": [9, 7]} if STUDIES[name].subject == "sound" else {}

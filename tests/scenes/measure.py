@@ -67,7 +67,6 @@ def copied(folder, to, results=False):
 
 
 def change_manifest(folder, change):
-    """Rewrite the manifest."""
     path = folder / "manifest.yaml"
     values = yaml.safe_load(path.read_text(encoding="utf-8"))
     change(values)

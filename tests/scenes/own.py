@@ -28,9 +28,8 @@ def short_rig(structure, directions, component, steady=0.6, **given):
     rotations, translations = default_poses()
     chosen = np.linspace(0, len(rotations) - 1, SHOTS).round().astype(int)
     motion = Motion(structure, (component,), REST + max(STARTS) + 0.02, 0.1)
-    stations = tuple(
-        replace(station, start=start) for station, start in zip(rig.stations, STARTS, strict=False)
-    )
+    pairs = zip(rig.stations, STARTS, strict=False)
+    stations = tuple(replace(station, start=start) for station, start in pairs)
     return replace(rig, stations=stations, motion=motion, duration=motion.steady + steady,
                    rotations=rotations[chosen], translations=translations[chosen])  # fmt: skip
 
@@ -45,15 +44,14 @@ def corners_px(rig, index):
 
 def make(folder, rig, excitation, *, sound=None, corners=False, board_sensor=None):
     """Write videos, pictures of the board and the manifest, of one's own making."""
-    cameras = []
-    manifest = manifest_of(rig)
+    cameras, manifest = [], manifest_of(rig)
+    sensor = board_sensor or Sensor()
+    plain = replace(rig, stations=tuple(replace(s, sensor=sensor) for s in rig.stations))
     for index, (station, files) in enumerate(zip(rig.stations, manifest.cameras, strict=True)):
         name = station.camera.name
         audio = laboratory_film.render_sound(rig, index) if sound is None else sound(rig, index)
         frames = laboratory_film.render_frames(rig, index)
         media.write_video(folder / f"{name}.mkv", frames, station.frame_rate, audio, RATE)
-        sensor = board_sensor or Sensor()
-        plain = replace(rig, stations=tuple(replace(s, sensor=sensor) for s in rig.stations))
         for k, shot in enumerate(render_board_images(plain, index)):
             write_png(folder / name / f"{k:02d}.png", shot)
         if corners:

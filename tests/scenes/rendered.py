@@ -35,9 +35,8 @@ def heard(times, seed):
         first = int(at * SAMPLE_RATE_HZ)
         room[first : first + length] = 0.6 * clock.standard_normal(length) * fades
     sound = np.interp(times, np.arange(len(room)) / SAMPLE_RATE_HZ, room)
-    return np.clip(sound, -0.9, 0.9) + 1e-3 * np.random.default_rng(seed).standard_normal(
-        len(times)
-    )
+    noise = np.random.default_rng(seed).standard_normal(len(times))
+    return np.clip(sound, -0.9, 0.9) + 1e-3 * noise
 
 
 def force_heard(rig, folder, place):
@@ -66,9 +65,8 @@ class RollingView(BeamView):
         for _ in range(2):  # a moving point is seen at the time of the row where it is then
             at = time + within[:, None] + late
             deflection = np.einsum("kn,ksn->sn", self.shapes, self.motion.coordinates(at))
-            uv = pinhole.project_points(
-                self.camera, on_surface(self.markers.extent, self.points[:, None], deflection)
-            )
+            world = on_surface(self.markers.extent, self.points[:, None], deflection)
+            uv = pinhole.project_points(self.camera, world)
             late = self.readout * (uv[1].mean(axis=0) / self.camera.size[1] - 0.5)
         return collect_light(uv, self.polygons, self.camera.size, self.sensor)
 

@@ -23,7 +23,6 @@ HOLES = (polygons.Circle(0.2, 0.28, 0.06), ((0.4, 0.27), (0.56, 0.30), (0.50, 0.
 
 
 def panel(outline=RECTANGLE, holes=(), support="simply supported", **changes):
-    """A panel of the plate's thickness and material."""
     supports = (support,) * len(outline) if isinstance(support, str) else support
     given = Panel(
         outline, supports, holes, PLATE.thickness, PLATE.density, PLATE.youngs_modulus,
@@ -89,9 +88,8 @@ def test_cantilever_strip_is_a_beam_if_it_does_not_contract_across(conforms):
     strip = ((0.0, 0.0), (length, 0.0), (length, width), (0.0, width))
     one = panel(strip, support=("free", "free", "free", "clamped"), poisson=0.0,
                 element_size=0.0125, force_position=(0.9, 0.02), grid=(30, 3))  # fmt: skip
-    beam = (cantilever_roots(3) / length) ** 2 * np.sqrt(
-        one.youngs_modulus * one.thickness**2 / 12 / one.density
-    )
+    stiffness = one.youngs_modulus * one.thickness**2 / 12 / one.density
+    beam = (cantilever_roots(3) / length) ** 2 * np.sqrt(stiffness)
     found = one.angular_frequencies(10)
     bending = [found[np.argmin(np.abs(found - wanted))] for wanted in beam]
     conforms.closed_form(np.array(bending) / beam, 1, atol=[1e-3, 2e-3, 6e-3])
@@ -157,9 +155,8 @@ def test_triangles_fill_the_region_and_no_more(conforms):
         mesh = polygons.mesh_outline(RECTANGLE, HOLES, size, halvings=0)
         corners = mesh.p[:, mesh.t]
         twice = twice_areas(mesh)
-        wanted = polygons.polygon_area(RECTANGLE) - sum(
-            abs(polygons.polygon_area(polygons.divide_hole(hole, size))) for hole in HOLES
-        )
+        holes = [polygons.polygon_area(polygons.divide_hole(hole, size)) for hole in HOLES]
+        wanted = polygons.polygon_area(RECTANGLE) - np.abs(holes).sum()
         graded = polygons.mesh_outline(RECTANGLE, HOLES, size)
         for areas in (twice, twice_areas(graded)):
             conforms.independent(np.abs(areas).sum() / 2, wanted, rtol=1e-9)

@@ -24,7 +24,6 @@ THESIS_ORDER = [(1, 1), (2, 1), (1, 2), (3, 1), (2, 2), (3, 2), (4, 1), (1, 3)]
 
 
 def slope(x, y):
-    """Exponent of the power law through the points."""
     return np.polyfit(np.log(x), np.log(y), 1)[0]
 
 

@@ -142,10 +142,8 @@ def test_resonance_is_the_frequency_of_the_largest_displacement(conforms):
     heavy = replace(BEAM, damping=0.3)
     omega = np.linspace(0.5, 1.5, 20001) * heavy.angular_frequencies(1)[0]
     amplitude = np.abs(structure.modal_coordinates(heavy, omega, 1)[0])
-    step = omega[1] - omega[0]
-    conforms.independent(
-        structure.resonance_frequency(heavy, 1), omega[np.argmax(amplitude)], atol=step
-    )
+    found, step = structure.resonance_frequency(heavy, 1), omega[1] - omega[0]
+    conforms.independent(found, omega[np.argmax(amplitude)], atol=step)
 
 
 def test_deflection_shape_peaks_at_the_tip_with_the_given_value(conforms):

@@ -101,10 +101,8 @@ def test_sensor_includes_its_edge_and_nothing_beyond():
 def test_ground_sample_distance_moves_the_image_by_one_pixel(conforms, camera):
     step = pinhole.ground_sample_distance(camera)
     for axis in camera.R_camera_world[0, :2]:
-        moved = (
-            pinhole.project(camera.P, step * axis)[0] - pinhole.project(camera.P, np.zeros(3))[0]
-        )
-        conforms.closed_form(np.linalg.norm(moved), 1, rtol=1e-9)
+        there, here = (pinhole.project(camera.P, k * step * axis)[0] for k in (1, 0))
+        conforms.closed_form(np.linalg.norm(there - here), 1, rtol=1e-9)
 
 
 def test_aperture_overhead_is_the_angle_between_the_axes(conforms):

@@ -57,9 +57,8 @@ def centroid(rows):
     middle = simplices.mean(axis=1)
     mean = volume @ middle / volume.sum()
     apart = simplices - mean
-    second = np.einsum("sia,sib->sab", apart, apart) + 16 * np.einsum(
-        "sa,sb->sab", middle - mean, middle - mean
-    )
+    away = middle - mean
+    second = np.einsum("sia,sib->sab", apart, apart) + 16 * np.einsum("sa,sb->sab", away, away)
     return mean, np.einsum("s,sab->ab", volume, second) / (20 * volume.sum())
 
 
@@ -253,9 +252,8 @@ def test_information_is_that_of_all_pixels_averaged_over_places(conforms):
     each = np.where(p > 1e-250, slope**2 / np.maximum(p, 1e-250), 0)
     conforms.independent(np.mean(each.sum(axis=1)), interval.pixel_information(sigma), rtol=1e-3)
     wide = np.array([1.0, 3.0])
-    conforms.closed_form(
-        [interval.pixel_information(s) * (s**2 + 1 / 12) for s in wide], 1, atol=1e-3
-    )
+    product = [interval.pixel_information(s) * (s**2 + 1 / 12) for s in wide]
+    conforms.closed_form(product, 1, atol=1e-3)
     scaled = [interval.pixel_information(s) * s for s in (1e-4, 1e-2)]
     conforms.invariance(scaled[1], scaled[0], rtol=1e-6)
 
@@ -265,9 +263,8 @@ def test_information_is_that_of_all_pixels_averaged_over_places(conforms):
 @pytest.mark.parametrize(("n", "sigma"), [(3, 0.3), (4, 0.1), (12, 0.02), (12, 0.1), (12, 0.4)])
 def test_noise_is_found_again(conforms, n, sigma):
     P = rig(n).P
-    every = [
-        interval.estimate_noise(P, rounded(P, box(400, seed), sigma, seed)) for seed in range(5)
-    ]
+    images = [rounded(P, box(400, seed), sigma, seed) for seed in range(5)]
+    every = [interval.estimate_noise(P, uv) for uv in images]
     assert all(one.least <= one.best <= one.most for one in every)
     conforms.sampled([one.best for one in every], sigma, atol=0.01 + 0.08 * sigma)
     within = sum(one.least <= sigma <= one.most for one in every)

@@ -17,7 +17,6 @@ rigs = st.builds(slabs.rig, st.integers(2, 12), st.integers(0, 2**32 - 1))
 
 
 def ring(n, distance=0.5, elevation=0.4, focal_px=213.3):
-    """Evenly spaced cameras at one elevation."""
     azimuth = 2 * np.pi * np.arange(n) / n + 0.1
     return hemisphere_cameras(distance, azimuth, np.full(n, elevation), focal_px, SIZE)
 
@@ -28,7 +27,6 @@ def pair(azimuth=30.0, elevation=25.0, distance=0.5):
 
 
 def cost(P, uv, points):
-    """Squared reprojection error of each point in px²."""
     return np.sum((project(P, points) - uv) ** 2, axis=(0, 1))
 
 

@@ -59,7 +59,6 @@ class Phone:
 
     @property
     def scene(self):
-        """POV-Ray's camera."""
         right, down, forward = self.axes
         wide, high = (side / FOCAL for side in self.size)
         return (
@@ -152,8 +151,6 @@ def plate_scene(phone, deflections):
 
 
 def board_scene(phone, R, t):
-    """A checkerboard with a white margin."""
-
     def sheet(x0, y0, x1, y1, z, grey):
         corners = [R @ [x, y, z] + t for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
         a, b, c, d = map(vector, corners)

@@ -54,8 +54,6 @@ def eyes():
 
 @dataclass(frozen=True)
 class Scene:
-    """All that is filmed."""
-
     eyes: Sequence[Eye] = field(default_factory=eyes)
     row_time: float = 0.0  # s from row to row: a rolling shutter
     strip: Strip = field(default_factory=Strip)
@@ -73,7 +71,6 @@ class Scene:
         return np.array([self.eyes[camera].project(self.strip.world(tip(t))) for t in times])
 
     def film(self, folder):
-        """Write the videos and the cameras."""
         with ThreadPoolExecutor(2) as pool:
             list(pool.map(lambda i: self._film(i, folder), range(len(self.eyes))))
         # OpenCV counts pixels from the first one's centre, the library from its corner.
