@@ -64,8 +64,7 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     assert "<h2>Mode 3: 110.76 Hz</h2>" in text
     assert "<h2>Motion over force</h2>" in text
     assert "still-ringing" in text  # two seconds are no answer to the tap as a whole
-    with xr.open_dataset(tmp_path / "out" / "modes.nc") as file:
-        found = file.load()
+    found = xr.load_dataset(tmp_path / "out" / "modes.nc")
     motion = own.motion
     hertz = [part.frequency for part in motion.components]
     np.testing.assert_allclose(found["frequency"], hertz, rtol=1e-4)

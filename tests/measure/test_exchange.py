@@ -70,9 +70,8 @@ def recordings(folder, frequency=FREQUENCY, noise=0.0):
 
 def fitted(tracks, frequency=FREQUENCY):
     given = manifest_of(RIG)
-    driven = given.excitation.model_copy(
-        update={"rest_duration_s": REST, "frequency_hz": frequency, "undersampled": frequency > 20}
-    )
+    changed = {"frequency_hz": frequency, "undersampled": frequency > 20, "rest_duration_s": REST}
+    driven = given.excitation.model_copy(update=changed)
     unheard = {"of_sound": np.nan, "of_sound_deviation": np.nan, "force": ("part", [0.0, 0.0])}
     sound = xr.Dataset({"frequency": frequency, "steady": ("end", [BEGIN, END]), **unheard})
     data = shape_result(given.model_copy(update={"excitation": driven}), sound, tracks)
@@ -144,9 +143,9 @@ def test_motion_faster_than_the_frames_is_told_where_it_is_fitted_only(conforms,
 
 def test_netcdf_csv_and_sep_5(conforms, measured):
     folder, _, moved = measured
-    with xr.open_dataset(folder / "motion.nc") as file:
-        xr.testing.assert_equal(file.load(), moved)
-        assert file["flag"].attrs["flag_meanings"].split()[2] == "fewer_than_two_cameras"
+    written = xr.load_dataset(folder / "motion.nc")
+    xr.testing.assert_equal(written, moved)
+    assert written["flag"].attrs["flag_meanings"].split()[2] == "fewer_than_two_cameras"
     header, *rows = (folder / "motion.csv").read_text(encoding="utf-8").splitlines()
     assert header.split(",")[:2] == ["time_s", "marker_1_mm"]
     values = np.array([[float(text) for text in row.split(",")] for row in rows])

@@ -40,6 +40,7 @@ needs_photographs = pytest.mark.skipif(
     not FETCHED, reason="no photographs: python tests/scenes/foreign/photographs.py fetches them"
 )
 TILES = Board(10, 7, 0.025, 0.0)
+GRID = np.pad(0.025 * np.mgrid[0:9, 0:6].T.reshape(-1, 2), ((0, 0), (0, 1))).astype(np.float32)
 SIZE = (640, 480)
 OWN = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-12)
 
@@ -94,9 +95,7 @@ def stereo(left, right, points):
 def test_all_photographed_boards_are_found_and_fit_better_than_by_opencv(conforms, pair):
     assert np.isfinite(pair.corners).all()
     for one, found in zip(pair.single, pair.opencv, strict=True):
-        grid = np.zeros((TILES.corners.shape[1], 3), np.float32)
-        grid[:, :2] = 0.025 * np.mgrid[0:9, 0:6].T.reshape(-1, 2)
-        theirs = cv2.calibrateCamera([grid] * len(found), found, SIZE, None, None,
+        theirs = cv2.calibrateCamera([GRID] * len(found), found, SIZE, None, None,
                                      flags=cv2.CALIB_FIX_K3)[0] / np.sqrt(2)  # fmt: skip
         conforms.independent(one.rms, below=0.9 * theirs)  # 0.112 px, and 0.138 and 0.147 px
         conforms.independent(one.rms, below=0.12)
@@ -116,9 +115,7 @@ def test_adjustment_of_photographs_is_what_opencv_finds_from_the_same_corners(co
 
 @needs_photographs
 def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(conforms, pair):
-    grid = np.zeros((TILES.corners.shape[1], 3))
-    grid[:, :2] = 0.025 * np.mgrid[0:9, 0:6].T.reshape(-1, 2)
-    lenses, baseline, _ = stereo(*pair.opencv, grid)
+    lenses, baseline, _ = stereo(*pair.opencv, GRID)
     ours = np.array([lens_of(c.K, c.distortion) for c in pair.full.cameras])
     # Leaving out one shot at a time shows that these boards, which are not quite flat, scatter by
     # two to three and a half times the deviations that white noise would leave.

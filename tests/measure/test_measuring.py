@@ -76,11 +76,10 @@ def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequ
 def test_a_mode_is_most_similar_to_itself(conforms, kind):
     modes = candidate_modes(StructureSpec(kind=kind))
     for mode in modes:
-        values = [assurance_criterion(-3e-3 * mode.shape, other.shape) for other in modes]
+        shape = -3e-3 * mode.shape
+        values = [assurance_criterion(shape, other.shape) for other in modes]
         assert modes[int(np.argmax(values))].name == mode.name
-        conforms.invariance(
-            scale_model(-3e-3 * mode.shape, mode.shape), -3e-3 * mode.shape, rtol=1e-7
-        )
+        conforms.invariance(scale_model(shape, mode.shape), shape, rtol=1e-7)
     one_row = candidate_modes(StructureSpec(markers={"rows": 1}))  # on the axis, without torsion
     assert all(mode.name.startswith("bending") for mode in one_row)
 

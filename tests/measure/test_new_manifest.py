@@ -166,8 +166,7 @@ def test_the_check_draws_where_cameras_stand_and_what_they_reach(tmp_path):
     for camera in manifest.cameras:
         flat = camera.distance_mm * np.cos(np.radians(camera.elevation_deg))
         azimuth = np.radians(camera.azimuth_deg)
-        np.testing.assert_allclose(
-            named[camera.name], [flat * np.sin(azimuth), flat * np.cos(azimuth)], rtol=1e-9
-        )
+        place = flat * np.sin(azimuth), flat * np.cos(azimuth)
+        np.testing.assert_allclose(named[camera.name], place, rtol=1e-9)
     shown = draw_prediction(manifest)["errors"].axes[0].collections[0].get_array()
     assert np.sqrt(np.mean(shown**2)) == pytest.approx(assess_manifest(manifest).rig.fit[0])

@@ -41,9 +41,8 @@ def test_one_command_in_an_empty_place_makes_what_the_check_reads(tmp_path):
 def test_phones_stand_around_and_as_near_as_the_structure_fits_into_their_pictures():
     manifest = prediction.draft_manifest(PLATE)
     azimuths = np.array([c.azimuth_deg for c in manifest.cameras])
-    np.testing.assert_allclose(
-        azimuths % 360, prediction.FIRST_AZIMUTH_DEG + 90 * np.arange(4), atol=0.1
-    )
+    around = prediction.FIRST_AZIMUTH_DEG + 90 * np.arange(4)
+    np.testing.assert_allclose(azimuths % 360, around, atol=0.1)
     (distance,) = {c.distance_mm for c in manifest.cameras}
 
     for of, lost in ((distance, False), (0.92 * distance, True)):

@@ -181,18 +181,16 @@ def test_errors_go_with_their_cameras(tmp_path):
     whole = [replace(one, name=name) for one, name in zip(CAMERAS, "ABCD", strict=True)]
     draw = np.random.default_rng(0).standard_normal((56, 80))
     names = {"camera": [one.name for one in whole]}
-    values = {n: [getattr(one, n) for one in whole] for n in ("K", "distortion", "size")}
-    values |= {n: [getattr(one, n) for one in whole] for n in ("R_camera_world", "centre")}
+    fields = ("K", "distortion", "size", "R_camera_world", "centre")
+    values = {name: [getattr(one, name) for one in whole] for name in fields}
     table = {n: CALIBRATION_VARIABLES[n] for n in values}
-    known = uncertainty.read_deviations(
-        xr.Dataset(label_values(values, table), names), draw @ draw.T
-    )
+    data = xr.Dataset(label_values(values, table), names)
+    known = uncertainty.read_deviations(data, draw @ draw.T)
     storage.write_netcdf(uncertainty.to_keep(known), tmp_path / "calibration.nc")
     assert_same(read_cameras(tmp_path), whole)
     files = [{"name": name, "video": f"{name}.mkv", "exposure_s": 0.001} for name in "CA"]
-    (tmp_path / "manifest.yaml").write_text(
-        yaml.safe_dump({"cameras": files, "calibration": "calibration.nc"}), encoding="utf-8"
-    )
+    given = {"cameras": files, "calibration": "calibration.nc"}
+    (tmp_path / "manifest.yaml").write_text(yaml.safe_dump(given), encoding="utf-8")
     manifest = read_manifest(tmp_path / "manifest.yaml", check_files=False)
     found = reuse_calibration(manifest, tmp_path)
     assert_same(found, [whole[2], whole[0]])
@@ -267,8 +265,7 @@ def without_pictures(values):
 @pytest.mark.slow
 def test_a_reused_calibration_gives_the_same_shape(conforms, first):
     """With its places found anew from the same images."""
-    with xr.open_dataset(first / "measured" / "measured.nc") as before:
-        before.load()
+    before = xr.load_dataset(first / "measured" / "measured.nc")
     data = again(first, {"file": "measured", "poses": "anew"})
     most = float(np.abs(before["deflection"]).max())
     conforms.independent(data["deflection"], before["deflection"], atol=1e-4 * most)
@@ -284,8 +281,7 @@ def test_a_reused_calibration_gives_the_same_shape(conforms, first):
 @pytest.mark.parametrize("exact", [True, False])
 def test_a_calibration_with_its_places_needs_no_pictures(conforms, first, exact):
     """Of the library it tells how exact it is, as the file of another program does not."""
-    with xr.open_dataset(first / "measured" / "measured.nc") as before:
-        before.load()
+    before = xr.load_dataset(first / "measured" / "measured.nc")
     data = again(first, "measured" if exact else "measured/cameras.yaml", without_pictures)
     most = float(np.abs(before["deflection"]).max())
     conforms.independent(data["deflection"], before["deflection"], atol=1e-4 * most)
