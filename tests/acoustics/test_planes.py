@@ -21,6 +21,9 @@ def plane_of(name, shape=(149, 99)):
     return Plane(name, 0.334, 0.0445, 0.443, shape)
 
 
+# Points.
+
+
 def test_points_of_the_planes_are_those_of_the_reading(conforms):
     study = validate_request("sound-distance", {})
     assert study.planes == (plane_of("XZ"), plane_of("YZ"))
@@ -45,6 +48,9 @@ def test_pistons_are_the_plates_cells_about_its_centre(conforms):
     conforms.closed_form(parts.centres, PLATE.markers - [[0.334], [0.2215]], atol=1e-15)
 
 
+# The operator.
+
+
 @pytest.mark.parametrize("columns", [1, 7, 8])
 @pytest.mark.parametrize("grid", [(6, 4), (7, 5), (1, 1), (2, 1)])
 @pytest.mark.parametrize("name", NAMES)
@@ -60,6 +66,9 @@ def test_operator_is_rayleighs_integral_for_even_and_odd_numbers(conforms, name,
     conforms.independent(field, exact, atol=1e-13 * np.max(np.abs(exact)))
 
 
+# Its rms.
+
+
 @pytest.mark.parametrize(("grid", "columns"), [((15, 10), 21), ((14, 9), 20), ((15, 10), 1)])
 @pytest.mark.parametrize("name", NAMES)
 def test_rms_is_that_of_the_direct_sum(conforms, name, grid, columns):
@@ -70,6 +79,9 @@ def test_rms_is_that_of_the_direct_sum(conforms, name, grid, columns):
     exact = np.sqrt(np.mean(np.abs(v @ kernel.T) ** 2, axis=1))
     found = np.linalg.norm(v @ full_factor(plane_operator(plate, plane, omega)).T, axis=-1)
     conforms.independent(found, exact, rtol=1e-12)
+
+
+# Symmetries and nodal planes.
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3])

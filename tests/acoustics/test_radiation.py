@@ -220,6 +220,9 @@ def test_rayleighs_integral_tends_to_the_far_field(conforms):
     conforms.order(orders(errors), 1, atol=0.05)
 
 
+# Power.
+
+
 @pytest.mark.parametrize("ka", [0.3, 9.0])
 def test_radiation_matrix_gives_the_power_of_the_far_field(conforms, ka):
     parts = panel(12, 8)
@@ -255,6 +258,9 @@ def test_two_pistons_that_meet_are_one_of_double_area_or_in_opposition_silent(co
     conforms.closed_form(power[-1], (k * distances[-1]) ** 2 / 12, rtol=0.01)
 
 
+# The kernel.
+
+
 @pytest.mark.parametrize("kind", [complex, float])
 def test_field_is_the_direct_expression(conforms, kind):
     parts = plate_pistons(setups.thesis_plate())
@@ -274,11 +280,17 @@ def test_field_is_the_direct_expression(conforms, kind):
         conforms.independent(np.max(np.abs(field - direct)), below=1e-12 * peak)
 
 
+# Levels.
+
+
 def test_levels_are_of_the_rms_pressure_and_re_one_picowatt(conforms):
     conforms.closed_form(rad.pressure_level(2e-5 * np.sqrt(2) * np.exp(0.4j)), 0, atol=1e-12)
     conforms.closed_form(rad.pressure_level(1.0), 90.9691, atol=1e-4)
     conforms.closed_form(rad.power_level([1e-12, 2e-12, 1]), [0, 3.0103, 120], atol=1e-4)
     assert rad.pressure_level([0.0])[0] == rad.power_level([0.0])[0] == -np.inf
+
+
+# What is refused.
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,9 @@ def row(i):
 ROWS = [row(i) for i in range(COUNT)]
 
 
+# --- in a browser
+
+
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     file = tmp_path_factory.mktemp("ledger") / "the claims.html"

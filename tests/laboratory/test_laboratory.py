@@ -78,6 +78,9 @@ def contents(folder):
     )
 
 
+# The rig.
+
+
 def test_the_rig_s_cameras_are_alike_look_at_the_beam_and_are_not_the_same(conforms):
     angles = [(10, 22), (-10, 22), (190, 22), (170, 22)]
     cameras = default_rig(BEAM, angles).cameras
@@ -114,6 +117,9 @@ def test_the_sound_is_the_force_at_the_camera_s_own_start(conforms, rig):
     conforms.closed_form(np.abs(force).max(), 0.5, rtol=1e-3)
 
 
+# What is written.
+
+
 def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordings, rig):
     manifest = read_manifest(recordings / "manifest.yaml")
     assert manifest == manifest_of(rig)
@@ -127,6 +133,9 @@ def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordi
         sound, rate, start = read_audio(recordings / f"{name}.mkv")
         assert (rate, start) == (48000, 0)
         conforms.invariance(sound, laboratory_film.render_sound(rig, index), atol=2**-15)
+
+
+# What is measured.
 
 
 def test_cameras_delays_and_markers_are_the_true_ones(conforms, truth):

@@ -70,6 +70,9 @@ def by_clipping(uv):
 SEEDS = st.integers(0, 2**32 - 1)
 
 
+# Areas.
+
+
 @pytest.mark.parametrize("middle", [(20, 15), (2, 28), (38.3, 4.1), (-3, 12)])
 def test_coverage_is_the_area_of_the_polygon_in_each_pixel(conforms, middle):
     """Also of polygons that are partly out of the picture."""
@@ -132,6 +135,9 @@ def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place)
     kink = 140 * np.abs(np.diff(bell, axis=0)).max() / spread
     by_grid = kink / (12 * render.SUBPIXELS_PER_PIXEL**2)
     conforms.closed_form(row, exact, atol=0.6 + by_grid)
+
+
+# The beam.
 
 
 def view(motion=None, sensor=None, markers=None, at=None):
@@ -202,6 +208,9 @@ def test_a_beam_partly_out_of_view_is_the_part_of_a_larger_picture(conforms):
     inside = slice(5, 395), slice(5, 695)  # the spread mirrors what is beyond the border
     off = part.astype(int) - whole[540:940, 700:1400]
     conforms.closed_form(off[inside], 0, atol=1)
+
+
+# The board.
 
 
 @pytest.mark.slow

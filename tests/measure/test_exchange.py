@@ -229,6 +229,9 @@ def test_cameras_for_opencv_and_aniposelib_see_the_markers_where_ours_do(conform
             conforms.closed_form(seen.T + 0.5, true, atol=1e-6)
 
 
+# Neighbours.
+
+
 def test_a_grid_has_rectangles_whatever_its_order():
     x, y = (part.ravel() for part in np.meshgrid([0.0, 0.1, 0.3], [0.0, 0.2]))
     order = np.random.default_rng(0).permutation(6)
@@ -249,6 +252,9 @@ def test_scattered_markers_have_triangles_but_none_across_a_gap():
     assert set((faces < 40).sum(axis=1)) == {0, 3}
     assert files.marker_faces([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).shape == (0, 3)
     assert files.marker_edges([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).tolist() == [[0, 2], [2, 1]]
+
+
+# Moving images.
 
 
 def test_the_shape_is_a_film_of_one_period(measured, tmp_path):

@@ -301,6 +301,9 @@ def test_a_folded_mode_is_named_by_its_frequency():
     assert codes(flat) == set()
 
 
+# Whether it will do.
+
+
 @pytest.mark.parametrize(
     ("places", "outcome", "words"),
     [
@@ -318,6 +321,9 @@ def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
     if np.isfinite(found.verdict.compressed_from_mm):  # what it takes would do
         enough = {"excitation__amplitude_mm": 1.001 * found.verdict.compressed_from_mm}
         assert assessed(change(rig(), **enough)).verdict.outcome == "compressed"
+
+
+# What is not known.
 
 
 @pytest.mark.parametrize(
@@ -345,6 +351,9 @@ def test_cameras_without_a_place_do_not_count():
     found = assessed(values).rig
     assert found == assessed(rig([(10, 22), (190, 22)])).rig
     assert found.located == 2
+
+
+# Any manifest.
 
 
 def random_values(rng):

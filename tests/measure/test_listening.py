@@ -67,6 +67,9 @@ def test_a_frequency_that_cannot_be_filmed_is_refused(tmp_path):
     assert refusal(given, tmp_path, ManifestError).startswith("excitation.frequency_hz: given")
 
 
+# Frequencies.
+
+
 def hum(t):
     return 0.3 * np.sin(2 * np.pi * 50 * t) * np.clip(t - 1, 0, 1)
 
@@ -117,6 +120,9 @@ def test_what_is_undersampled_keeps_from_the_frame_rate(tmp_path, frequency, ref
     lines = check_excitation(manifest.model_copy(update={"cameras": tuple(cameras)}))
     told = "excitation.frequency_hz: given 59.41, allowed: at least 0.6 Hz from 60 Hz"
     assert [line.startswith(told) for line in lines] == [True] * refused
+
+
+# A steady part that is given.
 
 
 def test_the_given_steady_part_is_used(conforms, tmp_path):
@@ -206,6 +212,9 @@ def test_rooms_that_tell_too_little_are_refused(tmp_path):
     unlike = faint([sound(T), clapping((1.2, 2.0, 2.9), 1)(T)])
     message = refusal(folder_of(tmp_path, unlike, sound="room"), tmp_path)
     assert message.startswith("B: no sound in it matches that of A beyond doubt; clap")
+
+
+# Recordings longer than what is held at a time.
 
 
 def low(sound, seconds, starts, rate=8000):

@@ -274,6 +274,9 @@ def test_shots_of_another_camera_do_not_fit_the_markers(measured, tmp_path, monk
     assert names(folder / "measured") == [".steps"]
 
 
+# Places to write to.
+
+
 def test_places_that_cannot_be_written_to_are_told_before_the_work(example, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("mine")
     (tmp_path / "nowhere").symlink_to(tmp_path / "none")
@@ -380,6 +383,9 @@ def test_odd_names_of_cameras_are_shown_as_they_are(measured, tmp_path, monkeypa
     assert set(names(folder)) >= RESULTS | {".steps", "manifest.yaml", "B.mkv"}
 
 
+# Interruptions.
+
+
 def done_of(steps):
     """Frames that every camera's tracks have kept."""
     return {path.stem: json.loads(path.read_text())["done"] for path in steps.glob("tracks-*.json")}
@@ -423,6 +429,9 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
     assert done_of(steps) == {f"tracks-{k:02d}": frames for k in range(3)}
     assert {name: stamps(out)[name] for name in before} == before
     assert_same_results(results_of(out), data)
+
+
+# Long recordings.
 
 
 @pytest.mark.nightly

@@ -242,6 +242,9 @@ def test_an_interrupted_recording_leaves_the_old_file(tmp_path, video):
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("A.mkv", b"old")]
 
 
+# Images.
+
+
 @pytest.mark.parametrize("share", [0.0, 0.999])
 def test_a_truncated_picture_is_refused_and_a_whole_one_comes_back(tmp_path, share):
     write_png(tmp_path / "1.png", noise()[0])

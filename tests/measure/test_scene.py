@@ -16,6 +16,9 @@ PARTS = [BENDING, SECOND, TORSION]
 PLACES = np.array([[0.05, 0.2, 0.45, 0.623], [0.0, 0.012, 0.03, 0.021]])
 
 
+# Shapes.
+
+
 @pytest.mark.parametrize("mode", [1, 3])
 def test_bending_is_clamped_and_one_at_the_tip_all_across(conforms, mode):
     shape = Component("bending", mode).shape(BEAM, [[0, 1e-4, L, L], [W, W, 0, W]])
@@ -38,6 +41,9 @@ def test_torsion_is_clamped_odd_across_and_one_at_the_tip_s_edge(conforms, mode)
     conforms.closed_form(abs(right[4] - right[5]) / 1e-5, below=1e-2 * mode**2)
 
 
+# Markers.
+
+
 def test_markers_stand_in_rows_and_the_hole_comes_last(conforms):
     markers = rows_on(BEAM)
     rows = markers.positions[:, :75].reshape(2, 3, 25)
@@ -58,6 +64,9 @@ def test_the_world_s_origin_is_the_beam_s_centre(conforms):
     )
 
 
+# Motion.
+
+
 def test_nothing_moves_before_the_start_and_then_all_of_it(conforms):
     motion = Motion(BEAM, (BENDING,), start=1.0, ramp=0.5)
     before = np.linspace(0, 1, 50)
@@ -68,6 +77,9 @@ def test_nothing_moves_before_the_start_and_then_all_of_it(conforms):
     assert motion.steady == 1.5
     conforms.closed_form(np.abs(tip).max(), 0.004, rtol=1e-4)
     conforms.closed_form(tip, 0.004 * np.sin(2 * np.pi * 4.25 * (t - 1.0) + 0.3), atol=1e-15)
+
+
+# Force.
 
 
 def harmonic(signal, t, frequency):
@@ -100,6 +112,9 @@ def test_components_add_up_and_torsion_takes_no_force_on_the_axis(conforms):
     alone = sum(Motion(BEAM, (part,)).deflection(PLACES, t) for part in PARTS)
     conforms.invariance(motion.deflection(PLACES, t), alone, atol=1e-16)
     conforms.closed_form(Motion(BEAM, (TORSION,)).force(t), 0, atol=0)
+
+
+# Amplitudes.
 
 
 def test_complex_amplitudes_are_the_first_harmonic_of_the_deflection(conforms):

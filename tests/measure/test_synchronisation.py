@@ -68,6 +68,9 @@ def errors(signal, draws, frequency=None, modulo=None, **options):
     return FPS * np.array(missed)
 
 
+# Conventions.
+
+
 def test_a_camera_that_starts_later_has_a_positive_delay_and_sees_things_earlier(conforms):
     t = np.arange(RATE) / RATE
     early, late = (np.exp(-(((t + start - 0.6) / 0.002) ** 2)) for start in (0.0, 0.1))
@@ -114,6 +117,9 @@ def test_levels_and_offsets_of_the_inputs_do_not_matter(conforms):
     conforms.invariance(found.delays, truth, atol=0.005 / FPS)
 
 
+# Correlation, frequency, scatter.
+
+
 @pytest.mark.slow
 def test_delays_scatter_as_the_cramer_rao_bound_says(conforms):
     missed = errors(tone, 80, FREQUENCY, PERIOD, n=3, seconds=2.0, spread=0.05)
@@ -124,6 +130,9 @@ def test_delays_scatter_as_the_cramer_rao_bound_says(conforms):
     scatter = np.sqrt(np.mean(missed**2))
     conforms.sampled(scatter / bound, above=0.85, below=1.2)
     conforms.sampled(abs(missed.mean()), below=4 * bound / np.sqrt(missed.size / 2))
+
+
+# Ambiguity.
 
 
 def test_a_pure_tone_is_ambiguous_and_says_so(conforms):
@@ -157,6 +166,9 @@ def test_coupling_shifts_a_tone_by_the_phases_of_two_high_passes(conforms):
     conforms.closed_form(coupling_delay(FREQUENCY), shift, rtol=1e-6)
 
 
+# Bad recordings.
+
+
 def test_a_small_error_of_the_frequency_is_found_in_a_long_recording():
     given = [tone(np.arange(60 * 8000) / 8000)] * 2, 8000, FPS
     line = line_of(SynchronisationError, synchronise_sounds, *given, 4.26)
@@ -168,6 +180,9 @@ def test_noise_beyond_the_tone_s_band_does_not_count(conforms):
     signals, truth = recordings(growing, 3, 0)
     found = synchronise_sounds([0.5 * x for x in signals], RATE, FPS, FREQUENCY)
     conforms.closed_form(found.delays, truth, atol=0.05 / FPS)
+
+
+# Blocks.
 
 
 def divided(x, seed):
@@ -261,6 +276,9 @@ def test_what_repeats_or_is_not_shared_is_refused_in_a_room():
         given = [0.05 * x for x in signals], RATE, FPS
         line = line_of(SynchronisationError, synchronise_sounds, *given)
         assert "recording 1: no sound in it matches" in line
+
+
+# The frequency of a tone that is sought.
 
 
 @pytest.mark.parametrize("frequency", [0.7, 212.0])

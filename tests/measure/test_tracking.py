@@ -85,6 +85,9 @@ def rest():
     return at, image, found_view(at, image), truth(at, [-1.0])[0]
 
 
+# Centres.
+
+
 @pytest.mark.slow
 def test_centres_are_those_of_the_projected_discs(conforms):
     at, times = camera(), np.arange(-1, 22) / 60
@@ -412,6 +415,9 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
     assert all("320 px" in note for note in notes)
 
 
+# The beam resampled on its plane.
+
+
 def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms):
     at, times = camera(45.0, k1=0.1), np.arange(3, 7) / 60
     view = found_view(at, *filmed(at, [-1.0]))
@@ -468,6 +474,9 @@ def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
     conforms.independent(view.to_image(plane), pinhole.project_points(at, world), atol=1e-3)
     conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
+
+
+# Light.
 
 
 def stripes(image, depth, phase):

@@ -150,6 +150,9 @@ def test_a_small_hole_changes_nothing(conforms):
     assert np.max(np.abs(large / plain - 1)) > 0.01
 
 
+# Meshes.
+
+
 def test_triangles_fill_the_region_and_no_more(conforms):
     for size in (0.05, 0.02):
         mesh = polygons.mesh_outline(RECTANGLE, HOLES, size, halvings=0)
@@ -165,6 +168,9 @@ def test_triangles_fill_the_region_and_no_more(conforms):
         quality = 4 * np.sqrt(3) * np.abs(twice) / 2 / np.sum(sides**2, axis=0)  # 1 if equilateral
         assert quality.min() > 0.2
         assert np.median(quality) > 0.9
+
+
+# A structure as the others.
 
 
 def test_markers_in_holes_and_off_the_outline_are_left_out():
@@ -195,6 +201,9 @@ def test_points_on_slanting_edges_are_on_the_panel():
         shapes = np.abs(one.mode_shapes([1, 2], points))
         assert np.max(shapes) < most  # clamped outside, free inside
     assert np.min(shapes[0]) > 0.1
+
+
+# What is refused.
 
 
 BOW = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0))

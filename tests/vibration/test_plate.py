@@ -27,6 +27,9 @@ def slope(x, y):
     return np.polyfit(np.log(x), np.log(y), 1)[0]
 
 
+# Frequencies and the order of the modes.
+
+
 def test_natural_frequencies_of_the_thesis_plate_are_those_of_the_closed_form(conforms):
     D = 1.4e11 * 0.0198**3 / (12 * (1 - 0.31**2))
     m, n = np.transpose(THESIS_ORDER)
@@ -75,6 +78,9 @@ def test_shapes_and_frequencies_solve_the_plates_equation_with_order_2(conforms,
         biharmonic = (twice - 4 * laplacian[1, 1]) / h**4
         errors.append(abs(PLATE.bending_stiffness * biharmonic - exact))
     conforms.order(orders(errors), 2, atol=0.05)
+
+
+# Shapes.
 
 
 def test_shapes_are_orthogonal_with_mean_square_one(conforms):
@@ -126,6 +132,9 @@ def test_point_load_at_the_centre_with_order_1_in_the_number_of_modes(conforms):
     conforms.closed_form(errors * numbers * 16 * pi**2, 1, atol=0.08)
     conforms.order(slope(numbers, errors), -1, atol=0.03)
     conforms.closed_form(np.real(sums[-1]), 0.01160, rtol=5e-4)
+
+
+# Response to a force.
 
 
 @pytest.mark.parametrize(("mode", "nanometres"), [(1, 62.6), (2, 32.9), (3, 12.2)])

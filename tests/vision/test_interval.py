@@ -150,6 +150,9 @@ def test_pixels_that_contradict_the_noise_leave_least_squares(conforms):
     conforms.closed_form(clean.covariance[..., lost], expected, rtol=1e-9)
 
 
+# Draws.
+
+
 @pytest.mark.few(3)
 @pytest.mark.parametrize("n", COUNTS)
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.3])
@@ -206,6 +209,9 @@ def test_joint_means_share_x_and_y_and_are_better(conforms):
     conforms.sampled(gain[[0, 2]], below=[0.6, 1.0])
 
 
+# The mass of a pixel.
+
+
 @pytest.mark.parametrize("deviation", [0.02, 1.0, 30.0])
 def test_mass_and_slopes_are_those_of_a_truncated_normal(conforms, deviation):
     away = np.linspace(0, 0.5 + 4 * deviation, 40) * np.array([[1], [-1]])
@@ -238,6 +244,9 @@ def test_a_wrong_shape_is_named(P, uv, named):
     for joint in (interval.joint_interval, joint_centre):
         with pytest.raises(ValueError, match="uv: given shape"):
             joint(P[:1].repeat(2, 0), np.ones((2, 2)))
+
+
+# How much noise there is.
 
 
 def test_information_is_that_of_all_pixels_averaged_over_places(conforms):

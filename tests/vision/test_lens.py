@@ -97,6 +97,9 @@ def test_resized_images_scale_about_their_corner(conforms, size):
     conforms.invariance(pinhole.resize_camera(small, SIZE).K, own.K, rtol=1e-15)
 
 
+# The board.
+
+
 def test_a_board_has_its_corners_where_four_tiles_meet(conforms):
     board = Board(7, 5, tile=0.02, margin=0.03)
     assert board.shape == (6, 4)

@@ -124,6 +124,9 @@ def test_joint_fallback_is_least_squares_frame_by_frame(conforms):
     assert np.isnan(joint_centre(P, uv).points[:, :, 3]).all()
 
 
+# What it gains.
+
+
 @pytest.mark.slow
 def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_root(conforms):
     numbers = [4, 8, 16, 32, 64]

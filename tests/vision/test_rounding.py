@@ -105,6 +105,9 @@ def test_variance_is_that_of_the_linearised_measurement(conforms, height):
         conforms.sampled(law, np.var(sampled), rtol=0.01)
 
 
+# Noise before rounding.
+
+
 @pytest.mark.parametrize("noise", [0.03, 0.4])
 def test_noise_blurs_the_law_and_adds_its_own(conforms, noise):
     rng = np.random.default_rng(3)
