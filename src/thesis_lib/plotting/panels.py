@@ -60,9 +60,9 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
         for at, claim in zip(position + 0.54 * width, bars.claims, strict=True):
             if claim:
                 _mark_claim(axes, at, claim, 0.3 * width)
-    labels = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
-    names = [f"{label}*" if cut else label for label, cut in zip(labels, partial, strict=True)]
+    labels = zip(part["label"].values, partial, strict=True)
+    names = [label.replace(" cameras", "") + "*" * bool(cut) for label, cut in labels]
     turn = 30 if n_settings > 4 and max(map(len, names)) > 4 else 0
     axes.set_xticks(np.arange(n_settings), names, fontsize=8, rotation=turn)
     unit = "number of cameras" if part["label"].values[0].endswith("cameras") else ""
@@ -114,8 +114,7 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     circle = np.stack([np.sin(turn), np.cos(turn), 0 * turn], axis=1)
     arcs = np.linspace(0, np.pi, 91)
     overhead = np.stack([np.cos(arcs), 0 * arcs, np.sin(arcs)], axis=1)
-    across = overhead[:, [1, 0, 2]]
-    for curve in (circle, overhead, across):
+    for curve in (circle, overhead, overhead[:, [1, 0, 2]]):
         _draw(axes, radius * curve, color="#d0d0d0", lw=0.7)
     half = schema.structure_extent(cube)[0] / 2
     seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in schema.structure_contours(cube)]
@@ -151,8 +150,7 @@ def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset
         _draw(axes, arc, **look)
         _write(axes, 1.12 * arc[20], "α", color=style.HIGHLIGHT_COLOR)
     else:
-        labels = [str(text) for text in part["label"].values]
-        text = f"{labels[0]} … {labels[-1]}" if len(labels) > 1 else labels[0]
+        text = " … ".join(dict.fromkeys(part["label"].values[[0, -1]].astype(str)))
         axes.text(0.0, 0.0, text, color=style.HIGHLIGHT_COLOR, transform=axes.transAxes, fontsize=8)
 
 
@@ -202,27 +200,18 @@ def _write(axes: Axes, place: Array, text: str, **look: Any) -> None:
 def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setups, deflection shapes, marker errors and bars of a beam."""
     part = selection.select_settings(cube, case, mode)
-    chosen = selection.best_and_worst(part)
-    labels = list(part["label"].values)
     drawing, axes = style.place_panels("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
     setup_panel(axes["a"], cube, part)
-    x = part["x"].values * 1000
-    reference = part["reference_deflection"].values * 1000
+    x, reference = part["x"].values * 1000, part["reference_deflection"] * 1000
     axes["b"].plot(x, reference, color=style.REFERENCE_COLOR, lw=3, label="reference")
-    for index, word, ink in zip(
-        chosen, selection.rank_settings(part), style.RANK_COLORS, strict=False
-    ):
-        measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
-        name = f"{labels[index]}, {word}"
-        axes["b"].plot(x, measured, ".-", color=ink, lw=1, label=name)
-        error = part["point_error"].values[index]
-        axes["c"].plot(x, error, ".-", color=ink, lw=1, label=labels[index])
+    for one, word, ink in selection.rank_settings(part)[: part.sizes["setting"]]:
+        measured, label = one["measured_deflection"].isel(trial=0) * 1000, one["label"].item()
+        axes["b"].plot(x, measured, ".-", color=ink, lw=1, label=f"{label}, {word}")
+        axes["c"].plot(x, one["point_error"], ".-", color=ink, lw=1, label=label)
     axes["b"].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
     axes["c"].set(title="(c) error of each marker", xlabel="x in mm", ylim=(0, None))
     axes["c"].set_ylabel("% of the largest deflection")
-    low, high = axes["b"].get_ylim()
-    axes["b"].set_ylim(low, high + 0.45 * (high - low))  # room for the legend
-    axes["b"].legend(loc="upper left")
+    style.add_legend(axes["b"], room=0.45)
     axes["c"].legend()
     bar_panel(axes["d"], part, [selection.error_bars(cube, case, mode)])
     axes["d"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
@@ -241,11 +230,9 @@ class Caption:
 def case_captions(cube: xr.Dataset) -> dict[tuple[str, int], Caption]:
     """Return the caption of the figure of each case and mode of a cube."""
     made = {}
-    cases, modes = cube["case"].values.tolist(), cube["mode"].values.tolist()
     for (case, mode), file in selection.figure_names(cube).items():
-        at = cases.index(case)
-        title = str(cube["case_title"].values[at])
-        number = str(cube["thesis_figure"].values[at, modes.index(mode)])
+        one = selection.select_settings(cube, case, mode).isel(setting=0)
+        title, number = str(one["case_title"].item()), str(one["thesis_figure"].item())
         name = number.replace(".", "-") or f"{cube.attrs['figure_set']}-{file}"
         text = f"Figure {number} of the thesis. " if number else ""
         text += f"Case {case.replace(chr(39), '′') if title else case}, mode {mode}"

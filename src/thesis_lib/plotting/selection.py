@@ -17,7 +17,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.claims import Claim, claims_of
-from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
+from thesis_lib.plotting.style import BEST_COLOR, CYCLE_COLORS, DIVERGING_COLORS, WORST_COLOR
 from thesis_lib.studies import cubes, schema
 from thesis_lib.studies.fields import unit_of_field
 
@@ -52,10 +52,13 @@ def best_and_worst(part: xr.Dataset) -> list[int]:
     return [int(order[0])] if len(order) == 1 else [int(order[0]), int(order[-1])]
 
 
-def rank_settings(part: xr.Dataset) -> tuple[str, str]:
-    """Name the first and the last of :func:`best_and_worst` by what they are ranked by."""
-    by = " by median" if part.sizes["trial"] > 1 else ""
-    return f"best{by}", f"worst{by}"
+def rank_settings(part: xr.Dataset) -> list[tuple[xr.Dataset, str, str]]:
+    """Return the first and the last of :func:`best_and_worst`, each with its rank and colour."""
+    by, ends = " by median" if part.sizes["trial"] > 1 else "", best_and_worst(part)
+    return [
+        (part.isel(setting=ends[0]), f"best{by}", BEST_COLOR),
+        (part.isel(setting=ends[-1]), f"worst{by}", WORST_COLOR),
+    ]
 
 
 def claimed_errors(

@@ -34,7 +34,8 @@ MAX_SCALE_WIDTH = 0.13  # fraction of the figure's width: what is narrower is a 
 
 # Okabe and Ito's palette: distinct with any colour vision, mid-tone on white and on black.
 CYCLE_COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
-RANK_COLORS = BEST_COLOR, WORST_COLOR = CYCLE_COLORS[0], CYCLE_COLORS[4]
+BLUE, ORANGE, GREEN, PINK, RED, SKY = CYCLE_COLORS
+BEST_COLOR, WORST_COLOR = BLUE, RED
 REFERENCE_COLOR = "#8a8a8a"
 HIGHLIGHT_COLOR = "#B22222"
 BLACK_COLOR = "#222222"
@@ -108,7 +109,7 @@ def drawable_names(names: Iterable[Any], otherwise: str) -> list[str]:
 
 
 def subplots(
-    rows: int = 1, columns: int = 1, figsize: Any = None, layout: Any = None, **how: Any
+    rows: int = 1, columns: int = 1, figsize: Any = None, layout: Any = "constrained", **how: Any
 ) -> tuple[Figure, Any]:
     """Return a figure and its panels like ``pyplot.subplots``, but unknown to pyplot."""
     figure = Figure(figsize=figsize, layout=layout)
@@ -119,11 +120,9 @@ def subplots(
     return figure, panels
 
 
-def make_mosaic(
-    names: Any, figsize: Any = None, layout: Any = None, **how: Any
-) -> tuple[Figure, dict[str, Any]]:
+def make_mosaic(names: Any, figsize: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
     """Return a figure and its panels by name like ``pyplot.subplot_mosaic``."""
-    figure = Figure(figsize=figsize, layout=layout)
+    figure = Figure(figsize=figsize, layout="constrained")
     return figure, figure.subplot_mosaic(names, **how)
 
 
@@ -153,7 +152,8 @@ def place_panels(
         "wspace": gaps[0] / across,
         "hspace": gaps[1] / up,
     }
-    return make_mosaic(names, size, gridspec_kw=grid, height_ratios=heights)
+    figure = Figure(figsize=size)
+    return figure, figure.subplot_mosaic(names, gridspec_kw=grid, height_ratios=heights)
 
 
 def bar_beside(panel: Axes, picture: Any, label: str) -> None:
@@ -170,15 +170,14 @@ def bar_beside(panel: Axes, picture: Any, label: str) -> None:
 def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
     """Return a figure as a file of a kind in its style; equal figures give equal bytes."""
     without = {"svg": "Date", "png": "Software"}[kind]
-    content, panels = io.BytesIO(), ""
+    content, tag = io.BytesIO(), b"<svg "
     with in_style(changed):
         if kind == "svg":
             _lay_out(figure)
-            panels = find_panels(figure)
+            if panels := find_panels(figure):  # the book shows them below each other on a phone
+                tag = f'<svg data-panels="{panels}" '.encode()
         figure.savefig(content, format=kind, metadata={without: None}, **how)
-    if panels:  # the book shows them one below the other on a phone
-        return content.getvalue().replace(b"<svg ", f'<svg data-panels="{panels}" '.encode(), 1)
-    return content.getvalue()
+    return content.getvalue().replace(b"<svg ", tag, 1)
 
 
 def _lay_out(figure: Figure) -> None:
@@ -262,11 +261,11 @@ def figure_svg(figure: Figure, changed: Any = None) -> str:
     return save_figure(figure, "svg", changed).decode()
 
 
-def make_logarithmic(axis: Axis, ticks: Sequence[float]) -> None:
+def make_logarithmic(axis: Axis, ticks: ArrayLike) -> None:
     """Make an axis logarithmic, with plain numbers at its ticks."""
     axes = axis.axes
     (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
-    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_locator(FixedLocator(np.asarray(ticks, float)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
 
@@ -296,6 +295,19 @@ def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) 
     return picture
 
 
+def draw_maps(
+    row: Sequence[Axes], maps: Any, across: Array, up: Array, names: Sequence[str], **look: Any
+) -> list[Any]:
+    """Draw maps in a row, of each title, values (up, across) and limit; name the axes, in mm."""
+    pictures = []
+    for axes, (title, values, limit) in zip(row, maps, strict=True):
+        pictures.append(draw_map(axes, values, across, up, limit))
+        axes.set_title(title, **look)
+        axes.set_xlabel(f"{names[0]} in mm")
+    row[0].set_ylabel(f"{names[1]} in mm")
+    return pictures
+
+
 TICK_STEPS = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit in (1, 2, 5))
 """Ticks of logarithmic axes: 1, 2 and 5 times powers of ten."""
 
@@ -304,7 +316,7 @@ def panel_grid(count: int, width: float, height: float, **how: Any) -> tuple[Fig
     """Return a figure with panels, two in a row of some `height`."""
     rows = -(-count // 2)
     size = (width, rows * height)
-    drawing, panels = subplots(rows, 2, figsize=size, layout="constrained", squeeze=False, **how)
+    drawing, panels = subplots(rows, 2, figsize=size, squeeze=False, **how)
     flat = panels.ravel().tolist()
     for spare in flat[count:]:
         spare.set_visible(False)
@@ -330,14 +342,22 @@ def name_styles(axes: Axes, styles: Mapping[str, Mapping[str, Any]]) -> None:
         axes.plot([], [], label=label, **{"color": INK_COLOR, "lw": 1, **style})
 
 
-def log_axes(axes: Axes, x: Sequence[float], y: Sequence[float] = TICK_STEPS) -> None:
+def log_axes(axes: Axes, x: ArrayLike, y: ArrayLike = TICK_STEPS) -> None:
     """Make both axes logarithmic, with these ticks."""
-    make_logarithmic(axes.xaxis, [float(tick) for tick in x])
+    make_logarithmic(axes.xaxis, x)
     make_logarithmic(axes.yaxis, y)
 
 
 def add_legend(axes: Axes, room: float = 0.0, loc: Any = "upper left", **how: Any) -> None:
-    """Add a legend in some room above what is drawn, a share of the logarithmic axis."""
+    """Add a legend in some room above what is drawn, a share of the axis."""
     low, high = axes.get_ylim()
-    axes.set_ylim(low, high * (high / low) ** room)
+    linear = axes.get_yscale() == "linear"
+    axes.set_ylim(low, high + room * (high - low) if linear else high * (high / low) ** room)
     axes.legend(loc=loc, **how)
+
+
+def legend_below(figure: Figure, axes: Axes, ncols: int, first: int = 0) -> None:
+    """Put a panel's legend, from its `first` entry on, below the figure: it counts for all."""
+    handles, labels = axes.get_legend_handles_labels()
+    how: Any = {"loc": "outside lower center", "ncols": ncols, "fontsize": 7}
+    figure.legend(handles[first:], labels[first:], **how)

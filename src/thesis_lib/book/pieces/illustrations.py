@@ -22,20 +22,8 @@ from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.optics.figures import pixel_flows
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
+from thesis_lib.plotting import style
 from thesis_lib.plotting.selection import error_bars, list_cases, select_settings, trial_rms
-from thesis_lib.plotting.style import (
-    CYCLE_COLORS,
-    HIGHLIGHT_COLOR,
-    INK_COLOR,
-    REFERENCE_COLOR,
-    cycle_color,
-    draw_map,
-    figure_svg,
-    in_style,
-    log_axes,
-    make_logarithmic,
-    subplots,
-)
 from thesis_lib.vibration import deflection_shape
 from thesis_lib.vibration import structure as structures
 
@@ -63,7 +51,7 @@ def densify_law(cube: xr.Dataset, parameters: tuple[str, ...]) -> xr.Dataset:
 
 def draw_varied(of: str, cube: xr.Dataset) -> Figure:
     """Draw the mean error over what is varied: rms and band of the trials, and the law."""
-    drawing, axes = subplots(figsize=(5.2, 3.2), layout="constrained")  # to be read on a phone
+    drawing, axes = style.subplots(figsize=(5.2, 3.2))  # to be read on a phone
     cases, (label, ticks, parameters) = list_cases(cube), VARIED[of]
     fine = densify_law(cube, parameters) if parameters else None
     for i, case in enumerate(cases):
@@ -72,7 +60,7 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
         (low, _, high), rms = bars.band[:, order], trial_rms(part["mean_error"])[order]
         shift = 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
         at = part["value"].values[order] * shift
-        color, name = cycle_color(i), f"case {case.replace(chr(39), '′')}"
+        color, name = style.cycle_color(i), f"case {case.replace(chr(39), '′')}"
         axes.vlines(at, low, high, color=color, linewidth=1)
         axes.plot(at, rms, "osD^v*"[i], label=name, color=color, markersize=4)
         if fine is None:
@@ -80,7 +68,7 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
         else:
             law = select_settings(fine, case, DRAWN_MODE).sortby("value")
             axes.plot(law["value"] * shift, law["predicted_error"], color=color, linewidth=1)
-    log_axes(axes, ticks or np.unique(cube["value"]).tolist(), [1, 2, 3, 5, 10, 20, 30, 50])
+    style.log_axes(axes, ticks or np.unique(cube["value"]), [1, 2, 3, 5, 10, 20, 30, 50])
     axes.set(xlabel=label, ylabel=f"mean error in mode {DRAWN_MODE}, %")
     if len(cases) > 1:
         drawing.legend(loc="outside upper left", ncols=3, columnspacing=1)
@@ -89,14 +77,19 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
 
 def draw_elevations(cube: xr.Dataset) -> Figure:
     """Draw the error over elevation: median and band of the trials, by case."""
-    drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.4, 3.0))
     for i, case in enumerate(list_cases(cube)):
         part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
         low, median, high = bars.band
-        style = {"fmt": "osD^v"[i] + "-", "color": cycle_color(i), "markersize": 4, "linewidth": 1}
+        look = {
+            "fmt": "osD^v"[i] + "-",
+            "color": style.cycle_color(i),
+            "markersize": 4,
+            "linewidth": 1,
+        }
         bounds = [median - low, high - median]
-        axes.errorbar(part["value"], median, bounds, label=case.replace("-", " "), **style)
-    make_logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5])
+        axes.errorbar(part["value"], median, bounds, label=case.replace("-", " "), **look)
+    style.make_logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5])
     axes.set(xlabel="elevation in °", ylabel="mean error, %", xlim=(0, None))
     axes.legend()
     return drawing
@@ -104,17 +97,19 @@ def draw_elevations(cube: xr.Dataset) -> Figure:
 
 def draw_distances(cube: xr.Dataset) -> Figure:
     """Draw the error over distance and over aperture: rms and band of the trials, and the law."""
-    drawing, panels = subplots(1, 2, figsize=(7.2, 2.8), layout="constrained", sharey=True)
+    drawing, panels = style.subplots(1, 2, figsize=(7.2, 2.8), sharey=True)
     for axes, case, unit in zip(panels, ("distance", "aperture"), ("mm", "°"), strict=True):
         part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
-        values, (low, _, high) = part["value"].values, bars.band
-        axes.vlines(values, low, high, color=CYCLE_COLORS[0])
-        rms = trial_rms(part["mean_error"])
-        axes.plot(values, rms, "o", color=CYCLE_COLORS[0], label="rendered frames")
-        law = {"color": INK_COLOR, "markersize": 14, "label": "law, one noise for all"}
-        axes.plot(values, bars.predicted, "_", **law)
-        ticks = values.tolist()[:: 1 + len(values) // 6]
-        log_axes(axes, ticks, [0.01, 0.02, 0.05, 0.1, 0.2])
+        values, rms, law = (
+            part["value"].values,
+            trial_rms(part["mean_error"]),
+            "law, one noise for all",
+        )
+        axes.vlines(values, bars.band[0], bars.band[2], color=style.BLUE)
+        axes.plot(values, rms, "o", color=style.BLUE, label="rendered frames")
+        axes.plot(values, bars.predicted, "_", color=style.INK_COLOR, markersize=14, label=law)
+        ticks = values[:: 1 + len(values) // 6]
+        style.log_axes(axes, ticks, [0.01, 0.02, 0.05, 0.1, 0.2])
         axes.set(xlabel=f"{case} in {unit}")
     panels[0].set_ylabel("mean error, %")
     panels[0].legend()
@@ -124,16 +119,15 @@ def draw_distances(cube: xr.Dataset) -> Figure:
 def draw_few_frames(cube: xr.Dataset) -> Figure:
     """Draw the error over the frame rate of the ways to read too few frames, by mode."""
     modes = cube["mode"].values.tolist()
-    drawing, panels = subplots(
-        1, len(modes), figsize=(7.2, 2.8), layout="constrained", sharey=True, squeeze=False
-    )
+    drawing, panels = style.subplots(1, len(modes), figsize=(7.2, 2.8), sharey=True, squeeze=False)
     for axes, mode in zip(panels[0], modes, strict=True):
         for i, case in enumerate(list_cases(cube)):
             part, bars = select_settings(cube, case, mode), error_bars(cube, case, mode)
-            style = "--" if case == "known" else "-"
-            median, mark = bars.band[1], "osD^"[i] + style
-            axes.plot(part["value"], median, mark, color=cycle_color(i), ms=4, label=case)
-        log_axes(axes, cube["frame_rate"].values.tolist(), [0.1, 0.3, 1, 3, 10, 30])
+            mark = "osD^"[i] + ("--" if case == "known" else "-")
+            axes.plot(
+                part["value"], bars.band[1], mark, color=style.cycle_color(i), ms=4, label=case
+            )
+        style.log_axes(axes, cube["frame_rate"].values, [0.1, 0.3, 1, 3, 10, 30])
         axes.set(title=f"mode {mode}", xlabel="frames per second")
     panels[0][0].set_ylabel("mean error, %")
     panels[0][-1].legend()
@@ -143,19 +137,19 @@ def draw_few_frames(cube: xr.Dataset) -> Figure:
 def draw_plate_errors(cube: xr.Dataset) -> Figure:
     """Draw the deflection's error in mode 1 of fitted centres and of whole pixels."""
     cases = list_cases(cube)
-    drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.4, 3.0))
     for i, case in enumerate(cases):
         part = select_settings(cube, case, 1)
         place = i + np.linspace(-0.3, 0.3, part.sizes["setting"])
-        axes.plot(place, trial_rms(part["mean_error"]), "o-", color=CYCLE_COLORS[0])
-        axes.plot(place, part["rounded_error"], "_", color=CYCLE_COLORS[4], markersize=8)
+        axes.plot(place, trial_rms(part["mean_error"]), "o-", color=style.BLUE)
+        axes.plot(place, part["rounded_error"], "_", color=style.RED, markersize=8)
     handles = [
-        Line2D([], [], color=CYCLE_COLORS[0], marker="o", label="fitted centres"),
-        Line2D([], [], color=CYCLE_COLORS[4], marker="_", ls="", label="whole pixels, by the law"),
+        Line2D([], [], color=style.BLUE, marker="o", label="fitted centres"),
+        Line2D([], [], color=style.RED, marker="_", ls="", label="whole pixels, by the law"),
     ]
     axes.legend(handles=handles, loc="upper center", ncols=2)
     axes.set_xticks(range(len(cases)), cases)
-    make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
+    style.make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
     axes.set(ylabel="error of the deflection, %", ylim=(None, 400))
     axes.set_xlabel("what is varied, from its first setting to its last")
     return drawing
@@ -193,21 +187,20 @@ OF_CUBES: dict[str, tuple[str, Draw]] = {
 def draw_response() -> Figure:
     """Draw the response of two points of the beam, and the shapes behind its peaks."""
     beam = setups.thesis_beam()
-    drawing, (left, right) = subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=(7.2, 2.6))
     hertz = np.geomspace(3, 200, 900)
     points = np.array([[0.45, 1.0], [0.5, 0.5]]) * [[beam.length], [beam.width]]
     moved = structures.modal_coordinates(beam, 2 * np.pi * hertz, 20)
     response = np.abs(moved.T @ beam.mode_shapes(range(1, 21), points))
     for i, word in enumerate(("45 % of the length", "the tip")):
-        left.plot(hertz, 1000 * response[:, i], color=cycle_color(i), label=word)
-    log_axes(left, [5, 10, 20, 50, 100, 200], [1e-4, 1e-3, 0.01, 0.1, 1, 10])
-    left.set(
-        title="(a) two points, a force of 1 N", xlabel="frequency in Hz", ylabel="motion in mm"
-    )
+        left.plot(hertz, 1000 * response[:, i], color=style.cycle_color(i), label=word)
+    style.log_axes(left, [5, 10, 20, 50, 100, 200], [1e-4, 1e-3, 0.01, 0.1, 1, 10])
+    left.set(xlabel="frequency in Hz", ylabel="motion in mm")
+    left.set_title("(a) two points, a force of 1 N")
     left.legend()
-    for i, mode in enumerate((1, 2, 3)):
+    for mode, ink in zip((1, 2, 3), style.CYCLE_COLORS[2:], strict=False):
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
-        right.plot(1000 * beam.markers[0], w, color=CYCLE_COLORS[i + 2], label=f"peak {mode}")
+        right.plot(1000 * beam.markers[0], w, color=ink, label=f"peak {mode}")
     right.set(title="(b) the shape behind each peak", xlabel="x in mm", ylabel="of its largest")
     right.legend()
     return drawing
@@ -215,23 +208,20 @@ def draw_response() -> Figure:
 
 def draw_deflections() -> Figure:
     """Draw how far 1 N moves beam and plate at their resonances, and what a pixel spans."""
-    drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
-    bodies: dict[str, structures.Structure] = {
-        "beam": setups.thesis_beam(),
-        "plate": setups.thesis_plate(),
-    }
-    for i, (word, body) in enumerate(bodies.items()):
+    drawing, axes = style.subplots(figsize=(6.4, 3.0))
+    bodies: list[structures.Structure] = [setups.thesis_beam(), setups.thesis_plate()]
+    for i, (word, body) in enumerate(zip(("beam", "plate"), bodies, strict=True)):
         modes = range(1, 6)
         hertz = [structures.resonance_frequency(body, mode) / (2 * np.pi) for mode in modes]
         peak = [1000 * structures.peak_deflection(body, mode) for mode in modes]
-        axes.plot(hertz, peak, "o-", color=cycle_color(i), label=f"{word}, force of 1 N")
+        axes.plot(hertz, peak, "o-", color=style.cycle_color(i), label=f"{word}, force of 1 N")
     for n, width in enumerate((320, 1920)):
         span = 500 * 36 / 24 / width  # mm, of the lens and sensor that the book takes
-        axes.axhline(span, color=INK_COLOR, linewidth=1, linestyle=("--", ":")[n])
+        axes.axhline(span, color=style.INK_COLOR, linewidth=1, linestyle=("--", ":")[n])
         words = f"a pixel of {width} across, 500 mm away"
-        axes.text(1900, span * 1.15, words, color=INK_COLOR, fontsize=8, ha="right")
+        axes.text(1900, span * 1.15, words, color=style.INK_COLOR, fontsize=8, ha="right")
     powers = [1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10]
-    log_axes(axes, [5, 10, 20, 50, 100, 200, 500, 1000, 2000], powers)
+    style.log_axes(axes, [5, 10, 20, 50, 100, 200, 500, 1000, 2000], powers)
     axes.set(xlabel="natural frequency in Hz", ylabel="largest deflection in mm")
     axes.legend(loc="lower left")
     return drawing
@@ -239,11 +229,11 @@ def draw_deflections() -> Figure:
 
 def draw_rates() -> Figure:
     """Draw frames per second against pixels of a frame, at the same pixels per second."""
-    drawing, axes = subplots(figsize=(6.4, 2.6), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.4, 2.6))
     widths, fps = np.array([(width, rate) for width, _, rate in pixel_flows()]).T
-    axes.plot(widths, fps, "o-", color=CYCLE_COLORS[0], label="frames per second")
-    axes.plot(widths, fps / 2, "s--", color=CYCLE_COLORS[4], label="highest frequency, Hz")
-    log_axes(axes, (320, 640, 1280, 1920), [20, 50, 100, 200, 500, 1000, 2000])
+    axes.plot(widths, fps, "o-", color=style.BLUE, label="frames per second")
+    axes.plot(widths, fps / 2, "s--", color=style.RED, label="highest frequency, Hz")
+    style.log_axes(axes, (320, 640, 1280, 1920), [20, 50, 100, 200, 500, 1000, 2000])
     axes.set(xlabel="pixels across a frame", ylabel="per second")
     axes.legend()
     return drawing
@@ -257,12 +247,12 @@ def _mode_label(structure: structures.Structure, mode: int) -> str:
 def draw_beam_modes() -> Figure:
     """Draw the three shapes of the beam that are measured, each marker a dot."""
     beam = setups.thesis_beam()
-    drawing, axes = subplots(figsize=(6.4, 2.4), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.4, 2.4))
     for i, mode in enumerate((1, 2, 3)):
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
         label = _mode_label(beam, mode)
-        axes.plot(1000 * beam.markers[0], w, ".-", color=cycle_color(i), label=label)
-    axes.axhline(0, color=REFERENCE_COLOR, linewidth=1)
+        axes.plot(1000 * beam.markers[0], w, ".-", color=style.cycle_color(i), label=label)
+    axes.axhline(0, color=style.REFERENCE_COLOR, linewidth=1)
     axes.set(xlabel="x in mm, from the clamp", ylabel="deflection, of its peak")
     axes.legend()
     return drawing
@@ -272,30 +262,28 @@ def draw_plate_modes() -> Figure:
     """Draw the three shapes of the plate that are measured, a cell for each marker."""
     plate = setups.thesis_plate()
     x, y = (np.unique(np.round(each, 9)) * 1000 for each in plate.markers)
-    drawing, axes = subplots(1, 3, figsize=(7.2, 2.0), layout="constrained", sharey=True)
-    for axis, mode in zip(axes, (1, 2, 3), strict=True):
-        w = deflection_shape(plate, mode, plate.markers, peak=1.0)
-        picture = draw_map(axis, w.reshape(y.size, x.size), x, y, 1.0)
-        axis.set(title=_mode_label(plate, mode), xlabel="x in mm")
-    axes[0].set_ylabel("y in mm")
-    drawing.colorbar(picture, ax=axes, label="of the peak", shrink=0.9)
+    drawing, axes = style.subplots(1, 3, figsize=(7.2, 2.0), sharey=True)
+    maps = []
+    for mode in (1, 2, 3):
+        w = deflection_shape(plate, mode, plate.markers, peak=1.0).reshape(y.size, x.size)
+        maps.append((_mode_label(plate, mode), w, 1.0))
+    pictures = style.draw_maps(axes, maps, x, y, "xy")
+    drawing.colorbar(pictures[-1], ax=axes, label="of the peak", shrink=0.9)
     return drawing
 
 
 def draw_alias() -> Figure:
     """Draw a vibration, and what a camera with fewer frames than it needs makes of it."""
-    drawing, axes = subplots(figsize=(6.4, 2.2), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.4, 2.2))
     hertz, rate = structures.resonance_frequency(setups.thesis_beam(), 2) / (2 * np.pi), 60.0
     t, seen = np.linspace(0, 0.2, 800), np.arange(0, 0.2, 1 / rate)
     slow = hertz - rate * np.round(hertz / rate)
-    for word, one, style, color in (
-        ("true", hertz, "-", CYCLE_COLORS[0]),
-        ("seen", slow, "--", HIGHLIGHT_COLOR),
-    ):
+    curves = ("true", hertz, "-", style.BLUE), ("seen", slow, "--", style.HIGHLIGHT_COLOR)
+    for word, one, line, color in curves:
         label = f"{word}: {abs(one):.3g} Hz"
-        axes.plot(t, np.cos(2 * np.pi * one * t), style, color=color, linewidth=1, label=label)
+        axes.plot(t, np.cos(2 * np.pi * one * t), line, color=color, linewidth=1, label=label)
     frames = np.cos(2 * np.pi * hertz * seen)
-    axes.plot(seen, frames, "o", color=INK_COLOR, label=f"{rate:g} frames/s")
+    axes.plot(seen, frames, "o", color=style.INK_COLOR, label=f"{rate:g} frames/s")
     axes.set(xlabel="time in s", ylabel="motion", ylim=(-1.2, 2.1), yticks=[-1, 0, 1])
     axes.legend(ncols=3, loc="upper center")
     return drawing
@@ -308,12 +296,10 @@ def draw_cases() -> Figure:
         if one.subject == "beam":
             for setting in one.settings():
                 found.setdefault(setting.case, []).append(setting)
-    figure, grid = subplots(3, 4, figsize=(7, 5.2))
+    figure, grid = style.subplots(3, 4, figsize=(7, 5.2), layout=None)
     figure.subplots_adjust(0.02, 0.01, 0.98, 0.95, hspace=0.15)
     for axes, (case, settings) in zip(grid.flat, sorted(found.items()), strict=True):
         axes.set_title(f"{case}: {_range_words(settings)}", fontsize=8)
-        axes.set_aspect("equal")
-        axes.set_axis_off()
         _draw_from_above(axes, settings)
     return figure
 
@@ -325,20 +311,18 @@ def _draw_from_above(axes: Axes, settings: list[setups.Setting]) -> None:
         rim = Circle((0, 0), np.cos(np.radians(elevation)), fill=False, ec="#d4d4d4", lw=0.6)
         axes.add_patch(rim)
     length = setups.thesis_beam().length * 500 / far
-    axes.plot([-length, length], [0, 0], color=REFERENCE_COLOR, lw=3, solid_capstyle="butt")
-    seen: set[object] = set()
+    axes.plot([-length, length], [0, 0], color=style.REFERENCE_COLOR, lw=3, solid_capstyle="butt")
+    first = {}  # setting in which a camera comes in
     for i, setting in enumerate(settings):
         for direction in setting.directions_deg:
-            place = (*direction, setting.distance_mm)
-            if place in seen:
-                continue
-            seen.add(place)
-            azimuth, elevation = np.radians(direction)
-            radius = np.cos(elevation) * setting.distance_mm / far
-            axes.plot(
-                radius * np.sin(azimuth), radius * np.cos(azimuth), "o", ms=4, color=cycle_color(i)
-            )
-    axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
+            first.setdefault((*direction, setting.distance_mm), i)
+    for (*direction, distance), i in first.items():
+        azimuth, elevation = np.radians(direction)
+        radius = np.cos(elevation) * distance / far
+        x, y = radius * np.sin(azimuth), radius * np.cos(azimuth)
+        axes.plot(x, y, "o", ms=4, color=style.cycle_color(i))
+    axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), aspect="equal")
+    axes.set_axis_off()
 
 
 def _range_words(settings: list[setups.Setting]) -> str:
@@ -377,12 +361,12 @@ def write_illustrations(
     for name in names:
         of = cube_of(name)
         if name in FACT_FIGURES:
-            with in_style():
-                text = figure_svg(FACT_FIGURES[name]())
+            with style.in_style():
+                text = style.figure_svg(FACT_FIGURES[name]())
         elif of in cubes:
-            style = display.picture_style(of)
-            with in_style(style):
-                text = figure_svg(OF_CUBES[name][1](cube_file.read_cube(cubes[of])), style)
+            look = display.picture_style(of)
+            with style.in_style(look):
+                text = style.figure_svg(OF_CUBES[name][1](cube_file.read_cube(cubes[of])), look)
         else:
             write_placeholder(folder / name, of)
             continue

@@ -17,23 +17,16 @@ from scipy.stats import binomtest
 from thesis_lib.facts.setups import READINGS
 from thesis_lib.figure_sets.claims.compute import format_command
 from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger import trends
-from thesis_lib.ledger.entries import KIND_WORDS, Entry, from_cube
-from thesis_lib.ledger.verdicts import (
-    RESAMPLE_COUNT,
-    UNCHANGED,
-    VERDICTS,
-    WIDENING_POINTS,
-    WIDENING_POINTS_BELOW_10,
-)
-from thesis_lib.plotting.style import BLACK_COLOR, CYCLE_COLORS, REFERENCE_COLOR, subplots
+from thesis_lib.ledger import trends, verdicts
+from thesis_lib.ledger.entries import Entry, from_cube
+from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.web.html import COLOURS_CSS, copy_plain, join_modules, read_asset, static_html
 
 VERDICT_MARKS = {  # verdict: colour and shape, so that neither says it alone
-    "agrees": (CYCLE_COLORS[0], "o"),
-    "within scatter": (CYCLE_COLORS[5], "D"),
-    "differs": (CYCLE_COLORS[4], "^"),
+    "agrees": (style.BLUE, "o"),
+    "within scatter": (style.SKY, "D"),
+    "differs": (style.RED, "^"),
 }
 
 
@@ -41,8 +34,8 @@ def chapter(cube: xr.Dataset, number: int) -> Figure:
     """Plot claimed against reproduced errors of a chapter, and their ratios."""
     every = [e for e in from_cube(cube) if e.kind == "figure" and e.chapter == number]
     part = [e for e in every if np.isfinite([e.least, e.most, e.median]).all()]
-    drawing, (left, right) = subplots(1, 2, figsize=(7.6, 3.6), layout="constrained")
     bounds = sum(not np.isfinite([e.least, e.most]).all() for e in every)
+    drawing, (left, right) = style.subplots(1, 2, figsize=(7.6, 3.6))
     _against(left, part, bounds)
     _ratios(right, part)
     return drawing
@@ -51,7 +44,7 @@ def chapter(cube: xr.Dataset, number: int) -> Figure:
 def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
     ends = [e.least for e in part] + [e.most for e in part] + [e.high for e in part]
     span = np.array([0.7 * min(*ends, *(e.low for e in part)), 1.4 * max(ends)])
-    axes.plot(span, span, color=REFERENCE_COLOR, lw=1, zorder=1)
+    axes.plot(span, span, color=style.REFERENCE_COLOR, lw=1, zorder=1)
     for verdict, (color, shape) in VERDICT_MARKS.items():
         chosen = [(e.least, e.most, e.low, e.median, e.high) for e in part if e.verdict == verdict]
         if not chosen:
@@ -59,12 +52,11 @@ def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
         least, most, low, median, high = np.array(chosen).T
         stated = np.sqrt(least * most)
         reach, band = (stated - least, most - stated), (median - low, high - median)
-        style: Any = {"ls": "none", "marker": shape, "ms": 4, "color": color, "elinewidth": 0.6}
-        words = f"{verdict} ({len(chosen)})"
-        axes.errorbar(stated, median, band, reach, label=words, **style)
+        look: Any = {"ls": "none", "marker": shape, "ms": 4, "color": color, "elinewidth": 0.6}
+        axes.errorbar(stated, median, band, reach, label=f"{verdict} ({len(chosen)})", **look)
     axes.set(xscale="log", yscale="log", xlim=span, ylim=span, aspect="equal")
-    axes.set_title("(a) stated against median and 5–95 % band")
     axes.set(xlabel="stated, %", ylabel="this book, %")
+    axes.set_title("(a) stated against median and 5–95 % band")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
@@ -74,16 +66,16 @@ def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
 
 def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
     ratios = np.log2([e.median / np.sqrt(e.least * e.most) for e in part])
-    verdicts, median = np.array([e.verdict for e in part]), float(np.median(ratios))
+    words, median = np.array([e.verdict for e in part]), float(np.median(ratios))
     edge = max(1.0, np.ceil(4 * np.abs(ratios).max()) / 4)
     bins = np.arange(-edge, edge + 0.01, 0.25).tolist()
-    stacks, names = [ratios[verdicts == v] for v in VERDICT_MARKS], list(VERDICT_MARKS)
+    stacks = [ratios[words == verdict] for verdict in VERDICT_MARKS]
     colors = [color for color, _ in VERDICT_MARKS.values()]
-    axes.hist(stacks, bins=bins, stacked=True, label=names, color=colors)
+    axes.hist(stacks, bins=bins, stacked=True, label=list(VERDICT_MARKS), color=colors)
     ticks = np.arange(-np.floor(edge), np.floor(edge) + 1)
     axes.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
-    axes.axvline(0, color=REFERENCE_COLOR, lw=1)
-    axes.axvline(median, color=BLACK_COLOR, lw=1, ls="--")
+    axes.axvline(0, color=style.REFERENCE_COLOR, lw=1)
+    axes.axvline(median, color=style.BLACK_COLOR, lw=1, ls="--")
     where: Any = {"ha": "right", "va": "top", "transform": axes.transAxes, "fontsize": 8}
     axes.text(0.98, 0.96, f"median ratio {2**median:.2f}", **where)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -92,15 +84,14 @@ def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
 
 def readings(cube: xr.Dataset) -> Figure:
     """Draw the number of claimed values that each interpretation meets, by chapter."""
-    names, inside = cube["reading"].values.tolist(), cube["reading_inside"].values
+    names, inside = cube["reading"].values, cube["reading_inside"].values
     total = int(cube["reading_claims"].isel(reading=0).sum())
-    drawing, axes = subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")
-    place = np.arange(len(names))[::-1]
-    left = np.zeros(len(names))
-    for number, color, part in zip((3, 4, 6), CYCLE_COLORS, inside.T, strict=False):
+    drawing, axes = style.subplots(figsize=(7.6, 0.5 + 0.22 * len(names)))
+    place, left = np.arange(len(names))[::-1], np.zeros(len(names))
+    for number, color, part in zip((3, 4, 6), style.CYCLE_COLORS, inside.T, strict=False):
         axes.barh(place, part, 0.75, left, color=color, label=f"chapter {number}")
         left += part
-    axes.axvline(left[0], color=BLACK_COLOR, lw=0.8, ls="--")
+    axes.axvline(left[0], color=style.BLACK_COLOR, lw=0.8, ls="--")
     axes.set_yticks(place, names, fontsize=8)
     axes.set(xlim=(0, total), xlabel=f"stated values met, of {total}")
     axes.grid(visible=False, axis="y")
@@ -113,7 +104,7 @@ def readings(cube: xr.Dataset) -> Figure:
 _LEDGER_SCRIPT = join_modules("ledger")
 _LEDGER_STYLE = COLOURS_CSS + read_asset("ledger.css")
 NO_SCRIPT_TEXT = "This table needs JavaScript; `thesis claims` prints the same."
-_VERDICT_ORDER = ("differs", "undefined", UNCHANGED, "within scatter", "agrees")
+_VERDICT_ORDER = ("differs", "undefined", verdicts.UNCHANGED, "within scatter", "agrees")
 
 
 class LedgerTable(anywidget.AnyWidget):
@@ -141,7 +132,7 @@ class LedgerTable(anywidget.AnyWidget):
     def __repr__(self) -> str:
         rows = self.data.get("rows", [])
         found = Counter(row["verdict"] for row in rows if row["counted"])
-        counts = ", ".join(f"{found[one]} {one}" for one in VERDICTS)
+        counts = ", ".join(f"{found[one]} {one}" for one in verdicts.VERDICTS)
         return f"LedgerTable({len(rows)} claims, {found.total()} counted: {counts})"
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -155,17 +146,16 @@ def count_totals(cube: xr.Dataset) -> dict[str, Any]:
     """Count verdicts by chapter and kind; rendered recordings and bookkeeping stand apart."""
     found = from_cube(cube)
     rows = []
-    for chapter, kind, counted in product(ledger.THESIS_CHAPTERS, KIND_WORDS, (True, False)):
+    for chapter, kind, counted in product(ledger.THESIS_CHAPTERS, ledger.KIND_WORDS, (True, False)):
         part = [e for e in found if (e.chapter, e.kind, e.counted) == (chapter, kind, counted)]
-        if part:
-            words = {"chapter": chapter, "kind": KIND_WORDS[kind], "counted": counted}
-            rows.append(words | _count(part))
-    every = _count([entry for entry in found if entry.counted])
-    return {"rows": rows, "every": every, "verdicts": VERDICTS}
-
-
-def _count(found: list[Entry]) -> dict[str, Any]:
-    return {"count": len(found), "verdicts": ledger.count_verdicts(found)}
+        words = {"chapter": chapter, "kind": ledger.KIND_WORDS[kind], "counted": counted}
+        rows.append({**words, "count": len(part), "verdicts": ledger.count_verdicts(part)})
+    part = [entry for entry in found if entry.counted]
+    return {
+        "rows": [row for row in rows if row["count"]],
+        "every": {"count": len(part), "verdicts": ledger.count_verdicts(part)},
+        "verdicts": verdicts.VERDICTS,
+    }
 
 
 def compare_power(cube: xr.Dataset) -> dict[str, Any]:
@@ -187,12 +177,12 @@ def compare_power(cube: xr.Dataset) -> dict[str, Any]:
 
 
 RULES = {  # tolerances, which are equal for all claims
-    "wider": WIDENING_POINTS,
-    "wider_below_10": WIDENING_POINTS_BELOW_10,
+    "wider": verdicts.WIDENING_POINTS,
+    "wider_below_10": verdicts.WIDENING_POINTS_BELOW_10,
     "effect": f"{trends.MIN_MATERIAL_FALL:.0%}",
     "confident": trends.MIN_CONFIDENCE,
-    "resamples": RESAMPLE_COUNT,
-    "unchanged": UNCHANGED,
+    "resamples": verdicts.RESAMPLE_COUNT,
+    "unchanged": verdicts.UNCHANGED,
     "one_run_flat": trends.ONE_RUN_FLAT,
     "alike": trends.MAX_ALIKE_RATIO,
 }

@@ -15,38 +15,34 @@ from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision import cone_law, dither
 from thesis_lib.vision.rounding import difference_variance
 
-__all__ = [
-    "TEXTS", "cone", "dithering", "estimators", "findings", "motion", "noisy", "settings", "shares",
-]  # fmt: skip
+__all__ = ["TEXTS"]  # which a cube's texts are filled with
 FIGURE_SIZE_IN = (7.2, 3.3)  # inches
 _PER_PIXEL = 181  # motions at which the law is drawn, in each pixel
 DRAWN_ANGLE_STEP = 5  # of the drawn angles, so that dots stand apart
 PERCENT_TICKS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
-_NO_LINE: dict[str, Any] = {"ls": "none", "mfc": "none", "ms": 3.5}
 
 
 def motion(cube: xr.Dataset) -> Figure:
     """Plot the rounding error of one coordinate against its motion, and relative to it."""
-    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN)
     delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
     every = _arched(delta[0], delta[-1])
     law, independent = np.sqrt(difference_variance(every)), np.full_like(every, cone_law.MOTION_PX)
     for axes, power in ((left, 0), (right, 1)):
         scale, drawn_scale = (100 / every) ** power, (100 / delta) ** power
-        axes.plot(every, scale * law, color=style.CYCLE_COLORS[0], lw=1.6, label="the law")
+        axes.plot(every, scale * law, color=style.BLUE, lw=1.6, label="the law")
         axes.plot(delta, drawn_scale * drawn, "o", color=style.INK_COLOR, ms=2.2, label="drawn")
-        look: Any = {"color": style.CYCLE_COLORS[4], "lw": 1.2}
+        look: Any = {"color": style.RED, "lw": 1.2}
         axes.plot(every, scale * independent, "--", label="two independent roundings", **look)
     left.set(title="(a) error of a motion", ylabel="rms error in px", xlim=(0, 3), ylim=(0, 0.75))
     left.legend(loc="upper right")
     small = delta < 0.2
     right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=style.INK_COLOR, lw=1.2)
     right.annotate("1/√δ", (0.013, 480), color=style.INK_COLOR)
-    right.annotate("1/δ", (0.04, 1300), color=style.CYCLE_COLORS[4])
+    right.annotate("1/δ", (0.04, 1300), color=style.RED)
     style.log_axes(right, [0.01, 0.1, 1, 5], [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
-    right.set(title="(b) in % of the motion", ylim=(4, 3000))
-    for axes in (left, right):
-        axes.set_xlabel("motion of the image in px")
+    right.set(title="(b) in % of the motion", ylim=(4, 3000), xlabel="motion of the image in px")
+    left.set_xlabel("motion of the image in px")
     return drawing
 
 
@@ -63,56 +59,51 @@ def _arched(first: float, last: float) -> Array:
 
 def settings(cube: xr.Dataset) -> Figure:
     """Plot predicted against simulated errors of all settings of the thesis."""
-    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN)
     simulated = cube["simulated_error"].values
     ends = np.array([simulated.min() / 1.3, simulated.max() * 1.3])
     left.plot(ends, ends, color=style.REFERENCE_COLOR, lw=1)
     right.axhline(1, color=style.REFERENCE_COLOR, lw=1)
     for number, one in enumerate(cube["structure"].values):
-        rows = cube["of_structure"].values == one
-        law, naive, x = (
-            cube[f"{k}_error"].values[rows].ravel() for k in ("law", "naive", "simulated")
-        )
+        rows, kinds = cube["of_structure"].values == one, ("law", "naive", "simulated")
+        law, naive, x = (cube[f"{kind}_error"].values[rows].ravel() for kind in kinds)
         look: Any = {"ls": "none", "marker": "os"[number % 2], "ms": 3}
         apart = {"mfc": "none", "mew": 0.6, "label": f"{one}, independent roundings"}
-        right.plot(x, naive / x, color=style.CYCLE_COLORS[4], **apart, **look)
+        right.plot(x, naive / x, color=style.RED, **apart, **look)
         look |= {"color": style.cycle_color(2 * number), "label": f"{one}, the law"}
         left.plot(x, law, **look)
         right.plot(x, law / x, **look)
     style.log_axes(left, PERCENT_TICKS, PERCENT_TICKS)
     style.make_logarithmic(right.xaxis, PERCENT_TICKS)
+    words = "rms error over the trials in %"
     left.set(title="(a) predicted against simulated", ylabel="predicted error in %")
-    left.set(xlim=ends, ylim=ends)
-    right.set(title="(b) predicted over simulated", ylim=(0.8, 2.7))
+    left.set(xlim=ends, ylim=ends, xlabel=words)
+    right.set(title="(b) predicted over simulated", ylim=(0.8, 2.7), xlabel=words)
     left.legend(loc="upper left")
     right.legend(loc="upper left", fontsize=7)
-    for axes in (left, right):
-        axes.set_xlabel("rms error over the trials in %")
     return drawing
 
 
 def cone(cube: xr.Dataset) -> Figure:
     """Plot errors along and across the normal against the angle of the cone."""
-    drawing, axes = style.subplots(figsize=(6.0, 3.4), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.0, 3.4))
     angle, some = cube["angle"].values, slice(None, None, DRAWN_ANGLE_STEP)
     drawn = 1000 * cube["cone_drawn_error"]
     for axis, ink, filled, words in (
-        ("Z", style.CYCLE_COLORS[0], True, "along the normal, z"),
-        ("X", style.CYCLE_COLORS[1], True, "across it, x = y"),
-        ("Y", style.CYCLE_COLORS[1], False, "_"),
+        ("Z", style.BLUE, True, "along the normal, z"),
+        ("X", style.ORANGE, True, "across it, x = y"),
+        ("Y", style.ORANGE, False, "_"),
     ):
         axes.plot(angle, 1000 * cube["cone_error"].sel(axis=axis), color=ink, lw=1.6, label=words)
         look: Any = {"color": ink, "ms": 3.5, "mfc": ink if filled else "none"}
         axes.plot(angle[some], drawn.sel(axis=axis)[some], "o", **look)
     alike = float(np.degrees(cone_law.ISOTROPIC_ANGLE_RAD))
     axes.axvline(alike, color=style.HIGHLIGHT_COLOR, lw=1)
-    words = f" {alike:.1f}°: the same\n in all directions"
-    axes.annotate(
-        words, (alike, 0.5), xycoords=("data", "axes fraction"), color=style.HIGHLIGHT_COLOR
-    )
+    words, half_way = f" {alike:.1f}°: the same\n in all directions", axes.get_xaxis_transform()
+    axes.annotate(words, (alike, 0.5), xycoords=half_way, color=style.HIGHLIGHT_COLOR)
     style.name_styles(axes, {"drawn with whole pixels": {"ls": "none", "marker": "o", "ms": 3.5}})
-    axes.set(xlabel="angle θ of the cone from the normal in °", xlim=(0, 90))
-    axes.set_ylabel("rms error in mm")
+    axes.set(xlabel="angle θ of the cone from the normal in °", ylabel="rms error in mm")
+    axes.set_xlim(0, 90)
     style.make_logarithmic(axes.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20])
     axes.legend(loc="upper right")
     return drawing
@@ -120,7 +111,7 @@ def cone(cube: xr.Dataset) -> Figure:
 
 def findings(cube: xr.Dataset) -> Figure:
     """Plot distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
-    drawing, grid = style.subplots(2, 3, figsize=(7.6, 5.4), layout="constrained")
+    drawing, grid = style.subplots(2, 3, figsize=(7.6, 5.4))
     labels = {
         "distance": "distance d in mm",
         "resolution": "pixels across",
@@ -129,7 +120,8 @@ def findings(cube: xr.Dataset) -> Figure:
         "aperture": "aperture α in °",
     }
     ticks = ([500, 750, 1000, 1500], [320, 640, 1280, 1920], [3, 6, 12, 24, 48])
-    for number, (axis, (name, words)) in enumerate(zip(grid.flat, labels.items(), strict=False)):
+    for number, (name, words) in enumerate(labels.items()):
+        axis = grid.flat[number]
         for s, part in enumerate(iterate_slices(cube.sel(finding=name), "structure")):
             x, ink = part["swept"].values, style.cycle_color(2 * s)
             axis.plot(x, part["exact_error"], color=ink, lw=0.6, alpha=0.7)
@@ -147,11 +139,11 @@ def findings(cube: xr.Dataset) -> Figure:
     for row in grid:
         row[0].set_ylabel("error in % of the peak")
     _draw_exponents(grid[1, 2], cube)
-    structures = cube["structure"].values
     styles: dict[str, dict[str, Any]] = {
-        str(one): {"color": style.cycle_color(2 * s), "lw": 4} for s, one in enumerate(structures)
-    }
-    styles |= {
+        **{
+            str(one): {"color": style.cycle_color(2 * s), "lw": 4}
+            for s, one in enumerate(cube["structure"].values)
+        },
         "markers, amplitudes averaged": {"lw": 1.8},
         "markers, modes 1–3": {"lw": 0.6},
         "centre": {"ls": ":", "lw": 1.3},
@@ -160,8 +152,7 @@ def findings(cube: xr.Dataset) -> Figure:
         "1/√N": {"color": style.HIGHLIGHT_COLOR},
     }
     style.name_styles(grid[1, 1], styles)
-    handles = grid[1, 1].get_legend_handles_labels()
-    drawing.legend(*handles, loc="outside lower center", ncols=4, fontsize=7)
+    style.legend_below(drawing, grid[1, 1], 4)
     return drawing
 
 
@@ -179,7 +170,7 @@ def _draw_exponents(axes: Axes, cube: xr.Dataset) -> None:
 
 def shares(cube: xr.Dataset) -> Figure:
     """Plot equal pixels per second in two to many cameras: one frame, a fit to all, the sensors."""
-    drawing, (frame, film, sensor) = style.subplots(1, 3, figsize=(7.6, 3.9), layout="constrained")
+    drawing, (frame, film, sensor) = style.subplots(1, 3, figsize=(7.6, 3.9))
     cube = cube.sortby("count")
     n, law = cube["count"].values, {"marker": "_", "ms": 9, "mew": 1.5, "ls": "none"}
     names = [str(name) for name in cube["estimator"].values]
@@ -212,21 +203,20 @@ def shares(cube: xr.Dataset) -> Figure:
         style.make_logarithmic(axes.yaxis, PERCENT_TICKS)
         axes.set_ylim(0.75 * least, 1.4 * most)
     style.make_logarithmic(sensor.yaxis, [100, 200, 500, 1000, 2000])
+    low, cross = design_shares.FOLLOWED_PX, {"ls": "none", "marker": "x", "ms": 4.5}
     rates = zip(cube["rate"].values, inks, strict=True)
     styles: dict[str, dict[str, Any]] = {f"{r:g} Hz": {"color": ink, "lw": 4} for r, ink in rates}
     styles |= {name: {"ls": "none", **look} for name, look in dots.items()}
     styles |= {"the law": law, "independent, averaged": {"ls": "--"}}
-    low = f"markers < {design_shares.FOLLOWED_PX:g} px high"
-    styles |= {low: {"ls": "none", "marker": "x", "ms": 4.5}}
+    styles |= {f"markers < {low:g} px high": cross}
     style.name_styles(sensor, styles)
-    handles = sensor.get_legend_handles_labels()
-    drawing.legend(*handles, loc="outside lower center", ncols=5, fontsize=7)
+    style.legend_below(drawing, sensor, 5)
     return drawing
 
 
 def estimators(cube: xr.Dataset) -> Figure:
     """Plot errors of the estimators against the number of cameras and the noise of pixels."""
-    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN)
     n = cube["equidistant_rig"].values
     for k, part in enumerate(iterate_slices(cube, "rule")):
         # the first, linear, coincides with the second: it is drawn wide below
@@ -250,11 +240,12 @@ def estimators(cube: xr.Dataset) -> Figure:
 
 def noisy(cube: xr.Dataset) -> Figure:
     """Plot errors at equal pixels per second against the number of cameras and the noise."""
-    drawing, (left, right) = style.subplots(1, 2, figsize=(7.2, 3.9), layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=(7.2, 3.9))
     cube = cube.sortby("count")
     drawn, least = 1e6 * cube["noisy_share_error"], 1e6 * cube["least_share_error"]
     counts, noises = cube["count"].values, cube["image_noise"].values
-    styles: list[dict[str, Any]] = [{**_NO_LINE, "marker": "o"}, {**_NO_LINE, "marker": "s"}, {}]
+    no_line: dict[str, Any] = {"ls": "none", "mfc": "none", "ms": 3.5}
+    styles: list[dict[str, Any]] = [{**no_line, "marker": "o"}, {**no_line, "marker": "s"}, {}]
 
     def draw_approaches(axes: Axes, part: xr.DataArray, x: Array, ink: str, label: str) -> None:
         for values, look in zip(iterate_slices(part, "approach"), styles, strict=True):
@@ -283,16 +274,15 @@ def noisy(cube: xr.Dataset) -> Figure:
     right.minorticks_off()
     right.set_xlabel("noise of the images before rounding, px")
     named = dict(zip(map(str, drawn["approach"].values), styles, strict=True))
-    style.name_styles(spare := drawing.axes[0], named | {"bound": {"ls": ":", "lw": 1.2}})
-    kinds = dict(zip(*spare.get_legend_handles_labels()[::-1], strict=True))
-    kinds = {name: kinds[name] for name in (*named, "bound")}
-    drawing.legend(kinds.values(), kinds, loc="outside lower center", ncols=4, fontsize=7)
+    own = len(left.get_legend_handles_labels()[0])
+    style.name_styles(left, named | {"bound": {"ls": ":", "lw": 1.2}})
+    style.legend_below(drawing, left, 4, first=own)
     return drawing
 
 
 def dithering(cube: xr.Dataset) -> Figure:
     """Plot the residual rounding error by motion, shake, and size of the markers."""
-    drawing, grid = style.subplots(1, 3, figsize=(7.6, 3.4), layout="constrained")
+    drawing, grid = style.subplots(1, 3, figsize=(7.6, 3.4))
     panels = (
         ("fitted_amplitude", "(a) fitted amplitude, px", "amplitude of the image, px"),
         ("shake", "(b) mean of frames, px", "camera shake, px"),
@@ -306,18 +296,17 @@ def dithering(cube: xr.Dataset) -> Figure:
         "shake": (shake, np.sqrt(dither.shaken_variance(design_shares.SHAKE_FRAMES, shake))),
         "disc": (disc, [dither.disc_variance(one) ** 0.5 for one in disc]),
     }
-    one_frame: Any = {"color": style.CYCLE_COLORS[4], "ls": "--", "lw": 1.2}
+    one_frame: Any = {"color": style.RED, "ls": "--", "lw": 1.2}
     for axes, (name, title, words) in zip(grid, panels, strict=True):
         axes.axhline(dither.ONE_FRAME**0.5, label="one coordinate, one frame", **one_frame)
-        axes.plot(*closed_forms[name], color=style.CYCLE_COLORS[0], lw=1.6, label="closed form")
+        axes.plot(*closed_forms[name], color=style.BLUE, lw=1.6, label="closed form")
         drawn = cube[f"drawn_{name}_error"]
         axes.plot(cube[name], drawn, "o", color=style.INK_COLOR, ms=2.4, label="drawn")
         axes.set(title=title, xlabel=words)
         style.make_logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
     endless, words = np.sqrt(dither.mean_variance(0.0, shake)), "endless frames"
-    grid[1].plot(shake, endless, ":", color=style.CYCLE_COLORS[0], lw=1.4, label=words)
+    grid[1].plot(shake, endless, ":", color=style.BLUE, lw=1.4, label=words)
     grid[1].set_ylim(0.01, 0.5)
     style.make_logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
-    once = grid[1].get_legend_handles_labels()
-    drawing.legend(*once, loc="outside lower center", ncols=4, fontsize=7)
+    style.legend_below(drawing, grid[1], 4)
     return drawing

@@ -19,7 +19,8 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER, select_tracks
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.recordings.board import rows_on
-from thesis_lib.plotting import style
+from thesis_lib.plotting import selection, style
+from thesis_lib.studies.cubes import iterate_slices
 
 MARKERS = rows_on(setups.thesis_beam())
 TIP_MARKER = MARKERS.middle_row.stop - 1  # the last on the beam's axis, which moves most
@@ -57,15 +58,12 @@ def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, *
 
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
-    widest = int(data["width"].max())
-    found = select_tracks(data, MARKERS, camera_letters(data), widest, "full")
+    found = select_tracks(data, MARKERS, camera_letters(data), int(data["width"].max()), "full")
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
-    figure, axes = style.subplots(
-        4, 1, figsize=(WIDTH_IN, 7.7), layout="constrained",
-        height_ratios=[3.9, 1.75, 0.75, 1.6],
-    )  # fmt: skip
+    heights = [3.9, 1.75, 0.75, 1.6]
+    figure, axes = style.subplots(4, 1, figsize=(WIDTH_IN, 7.7), height_ratios=heights)
     _draw_plan(axes[0], centres, looks)
     _draw_side(axes[1], centres, looks)
     _draw_layout(axes[2], whole=True)
@@ -80,16 +78,15 @@ def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
     """
     hidden = [np.linalg.norm(places - place[:, None], axis=0) < 20 for place in places.T]
     for i, (place, look) in enumerate(zip(places.T, looks.T, strict=True)):
-        axes.plot(*np.stack([place, [0, 0]]).T, color=style.cycle_color(i), linewidth=0.9, zorder=1)
-        ahead = 38 * look / np.linalg.norm(look)
+        ink, ahead = style.cycle_color(i), 38 * look / np.linalg.norm(look)
+        axes.plot(*np.stack([place, [0, 0]]).T, color=ink, linewidth=0.9, zorder=1)
         side = 0.5 * np.array([-ahead[1], ahead[0]])
         body = np.array([place, place - ahead + side, place - ahead - side])
-        axes.add_patch(Polygon(body, color=style.cycle_color(i), zorder=4))
+        axes.add_patch(Polygon(body, color=ink, zorder=4))
         if np.argmax(hidden[i]) == i:
             letters = ", ".join(chr(ord("A") + n) for n in np.flatnonzero(hidden[i]))
-            aside = 1 + 0.9 * (len(letters) > 1)
-            beside = place - [1.85 * aside, 1.3] * ahead
-            write_label(axes, beside, letters, weight="bold", fontsize=11)
+            aside = 1.85 * (1.9 if len(letters) > 1 else 1)
+            write_label(axes, place - [aside, 1.3] * ahead, letters, weight="bold", fontsize=11)
 
 
 def _draw_plan(axes: Axes, centres: Array, looks: Array) -> None:
@@ -102,13 +99,9 @@ def _draw_plan(axes: Axes, centres: Array, looks: Array) -> None:
     write_label(axes, (62, -length / 2 - 21), "clamp", ha="left")
     write_label(axes, (0, length / 2 + 20), "tip", va="bottom")
     _draw_cameras(axes, centres[[1, 0]], looks[[1, 0]])
-    _draw_axes(axes, ("Y", "X"), 150)
+    _draw_axes(axes, "YX")
     first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
-    low, high = sorted([first, second])
-    arc = Arc((0, 0), 560, 560, theta1=low, theta2=high, color=style.HIGHLIGHT_COLOR, linewidth=1.4)
-    axes.add_patch(arc)
-    angle = f"α = {abs(first - second):.0f}°"
-    write_label(axes, (295, 0), angle, color=style.HIGHLIGHT_COLOR, ha="left")
+    _draw_angle(axes, *sorted([first, second]), (295, 0), f"α = {abs(first - second):.0f}°")
     along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
     distance = np.mean(np.linalg.norm(centres, axis=0))
     slope = np.degrees(np.arctan(along[1] / along[0]))
@@ -121,26 +114,27 @@ def _draw_side(axes: Axes, centres: Array, looks: Array) -> None:
     axes.set_title("(b) along the beam")
     axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=SKETCH_INK, zorder=5))
     _draw_cameras(axes, centres[[1, 2]], looks[[1, 2]])
-    _draw_axes(axes, ("Y", "Z"), 150)
+    _draw_axes(axes, "YZ")
     flat = np.hypot(*centres[:2, 0])
     elevation = np.degrees(np.arctan2(centres[2, 0], flat))
-    axes.plot(
-        [0, flat], [0, 0], color=style.REFERENCE_COLOR, linewidth=0.8, linestyle="--", zorder=0
-    )
-    axes.add_patch(
-        Arc((0, 0), 560, 560, theta2=elevation, color=style.HIGHLIGHT_COLOR, linewidth=1.4)
-    )
-    write_label(axes, (300, 50), f"φ = {elevation:.0f}°", color=style.HIGHLIGHT_COLOR, ha="left")
+    axes.plot([0, flat], [0, 0], "--", color=style.REFERENCE_COLOR, linewidth=0.8, zorder=0)
+    _draw_angle(axes, 0, elevation, (300, 50), f"φ = {elevation:.0f}°")
     _draw_arrow(axes, (-60, 48), (-60, -48), "<->")
     write_label(axes, (-78, -36), "vibrates", ha="right")
     _hide_axes(axes, (-650, 650), (-90, 290))
 
 
-def _draw_axes(axes: Axes, names: tuple[str, str], size: float) -> None:
-    for (u, v), name in zip(((size, 0), (0, size)), names, strict=True):
-        _draw_arrow(axes, (0, 0), (u, v), "->", zorder=6, linewidth=1.2)
-        place = 1.1 * u + 30 * (u == 0), 0.95 * v
+def _draw_axes(axes: Axes, names: str) -> None:
+    for end, place, name in zip(((150, 0), (0, 150)), ((165, 0), (30, 142.5)), names, strict=True):
+        _draw_arrow(axes, (0, 0), end, "->", zorder=6, linewidth=1.2)
         write_label(axes, place, name, zorder=6, bbox=WHITE_GROUND)
+
+
+def _draw_angle(axes: Axes, low: float, high: float, place: Any, text: str) -> None:
+    """Draw an arc between two directions in °, and write their angle beside it."""
+    look: Any = {"color": style.HIGHLIGHT_COLOR}
+    axes.add_patch(Arc((0, 0), 560, 560, theta1=low, theta2=high, linewidth=1.4, **look))
+    write_label(axes, place, text, ha="left", **look)
 
 
 def _hide_axes(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
@@ -165,30 +159,29 @@ def _draw_layout(axes: Axes, whole: bool) -> None:
             write_label(axes, (length + 6, apart), str(first + row - 1), ha="left", fontsize=7.5)
         _hide_axes(axes, (-32, length + 32), (-4, width + 4))
         return
-    for n in (0, 1):  # lines to the measures
-        ends = [places[1, 2 * row], width + 9]
-        axes.plot([places[0, n]] * 2, ends, color=SKETCH_INK, linewidth=0.6)
-    spacing = places[0, 1] - places[0, 0]
-    _draw_measure(axes, (places[0, 0], width + 7), (places[0, 1], width + 7), f"{spacing:g}")
-    right = places[0, 3] + 13
+    first, second, third, fourth = places[0, :4]
     low, high = places[1, [row, 2 * row]]
+    right, line = fourth + 13, {"color": SKETCH_INK, "linewidth": 0.6}  # lines to the measures
+    for x in (first, second):
+        axes.plot([x, x], [high, width + 9], **line)
+    _draw_measure(axes, (first, width + 7), (second, width + 7), f"{second - first:g}")
     for y in (low, high):
-        axes.plot([places[0, 3], right + 2], [y, y], color=SKETCH_INK, linewidth=0.6)
+        axes.plot([fourth, right + 2], [y, y], **line)
     _draw_measure(axes, (right, low), (right, high), f"{1e3 * MARKERS.row_spacing:g}")
-    force, ink = tuple(1e3 * setups.thesis_beam().force_point[:, 0]), style.CYCLE_COLORS[4]
+    force, ink = tuple(1e3 * setups.thesis_beam().force_point[:, 0]), style.RED
     axes.plot(*force, "X", color=ink, markersize=9, markeredgecolor="white", zorder=5)
-    _point_at(axes, force, (force[0] + 4, -7), "shaker beneath", "left", ink)
+    _point_at(axes, force, 4, "shaker beneath", "left", ink)
     if MARKERS.hole is not None:
-        hole = tuple(places[:, -1])
-        _point_at(axes, hole, (hole[0] - 3, -7), "hole", "right", style.HIGHLIGHT_COLOR)
-    write_label(axes, (places[0, 2], width + 7), f"markers ⌀ {2 * radius:g}", ha="left")
+        _point_at(axes, tuple(places[:, -1]), -3, "hole", "right", style.HIGHLIGHT_COLOR)
+    write_label(axes, (third, width + 7), f"markers ⌀ {2 * radius:g}", ha="left")
     draw_box(axes, (-14, -3), (14, width + 6), "white", hatch="////")
     _hide_axes(axes, (-16, 118), (-12, width + 14))
 
 
-def _point_at(axes: Axes, place: Any, words: Any, text: str, align: str, ink: str) -> None:
+def _point_at(axes: Axes, place: Any, aside: float, text: str, align: str, ink: str) -> None:
     look: Any = {"color": ink, "ha": align, "va": "center"}
-    axes.annotate(text, place, words, arrowprops={"arrowstyle": "-", "color": ink}, **look)
+    line = {"arrowstyle": "-", "color": ink}
+    axes.annotate(text, place, (place[0] + aside, -7), arrowprops=line, **look)
 
 
 def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
@@ -201,12 +194,9 @@ def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
 
 def draw_coverage(data: xr.Dataset) -> Figure:
     """Draw all corners on each sensor, with their residuals exaggerated (figure D.5)."""
-    figure, grid = style.subplots(2, 2, figsize=(WIDTH_IN, 3.6), layout="constrained")
-    for i, axes in enumerate(grid.flat):
-        if i < data.sizes["camera"]:
-            _draw_sensor(axes, data.isel(camera=i), i)
-        else:
-            axes.axis("off")
+    figure, grid = style.panel_grid(data.sizes["camera"], WIDTH_IN, 1.8)
+    for i, (axes, camera) in enumerate(zip(grid, iterate_slices(data, "camera"), strict=False)):
+        _draw_sensor(axes, camera, i)
     return figure
 
 
@@ -248,9 +238,7 @@ def draw_sound(data: xr.Dataset) -> Figure:
     seconds = np.arange(signal.shape[1]) / float(data["picture_sound"].attrs["rate_hz"])
     delay, begin = data["delay"].values, float(data["steady"][0])
     whole = data["delay_frames"].values / data["frame_rate"].values
-    figure, panels = style.make_mosaic(
-        [["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2), layout="constrained"
-    )
+    figure, panels = style.make_mosaic([["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2))
     top, below = panels["own"], [panels["whole"], panels["part"]]
     for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
         top.plot(seconds, own - i, color=style.cycle_color(i), linewidth=0.9)
@@ -283,9 +271,7 @@ def _find_crossing(time: Array, signal: Array, before: float) -> float:
     steps = round(0.02 / (time[1] - time[0]))
     smooth = np.convolve(signal, np.ones(steps) / steps, "same")
     signs = np.flatnonzero((smooth[:-1] * smooth[1:] < 0) & (time[1:] < before))
-    slope = np.abs(np.gradient(smooth))
-    best = signs[np.argmax(slope[signs])]
-    return float(time[best])
+    return float(time[signs[np.argmax(np.abs(np.gradient(smooth))[signs])]])
 
 
 def draw_tracks(data: xr.Dataset) -> Figure:
@@ -295,9 +281,7 @@ def draw_tracks(data: xr.Dataset) -> Figure:
     own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]
     common = own + data["delay"].values[:, None]
     omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
-    figure, axes = style.subplots(
-        3, 1, figsize=(WIDTH_IN, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
-    )
+    figure, axes = style.subplots(3, 1, figsize=(WIDTH_IN, 6.4), height_ratios=[1.1, 1.1, 0.8])
     for i, name in enumerate(camera_letters(data)):
         ink: Any = {"color": style.cycle_color(i)}
         dots: Any = {**ink, "markersize": 3.5}
@@ -311,12 +295,12 @@ def draw_tracks(data: xr.Dataset) -> Figure:
         axes[1].plot(fine, fit.at(omega, fine), linewidth=0.8, zorder=1, **ink)
         residual = moved[steady] - fit.at(omega, common[i, steady])
         axes[2].plot(common[i, steady], 1e3 * residual, ".", **dots)
-    axes[0].set(title="(a) the tip's marker on each camera's own clock")
     axes[0].set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.5))
+    axes[0].set_title("(a) the tip's marker on each camera's own clock")
     axes[0].legend(ncols=4, loc="upper left", markerscale=2, columnspacing=1, handlelength=1)
-    axes[1].set(title="(b) on A's clock, with each camera's harmonic fit")
-    axes[2].set(title="(c) what the fit leaves", ylabel="thousandths of a px")
-    axes[2].set_xlabel("s after A's first frame")
+    axes[1].set_title("(b) on A's clock, with each camera's harmonic fit")
+    axes[2].set(xlabel="s after A's first frame", ylabel="thousandths of a px")
+    axes[2].set_title("(c) what the fit leaves")
     for panel in axes[:2]:
         panel.set_ylabel("v minus v at rest, px")
         panel.margins(y=0.15)
@@ -330,8 +314,7 @@ def draw_tracks(data: xr.Dataset) -> Figure:
 
 def _harmonic(cube: xr.Dataset) -> dict[str, Any]:
     """Return the last setting of the harmonic fit, and the drive-point mobilities."""
-    part = cube.isel(setting=np.flatnonzero(cube["case"].values == "harmonic"), mode=0)
-    if part.sizes["setting"] == 0:
+    if (part := selection.split_cases(cube).get("harmonic")) is None:
         return {"last": None}
     last = part.isel(setting=-1)
     return {

@@ -26,13 +26,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import figures, methods
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT, tracks_of
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
-from thesis_lib.figure_sets.experiment.figures import (
-    MARKERS,
-    SKETCH_INK,
-    TIP_MARKER,
-    WIDTH_IN,
-    camera_letters,
-)
+from thesis_lib.figure_sets.experiment.figures import MARKERS, WIDTH_IN
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import Board
@@ -44,7 +38,6 @@ from thesis_lib.vibration.motion import Component
 
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
 
-_, ORANGE, GREEN, PINK, RED, SKY = style.CYCLE_COLORS
 DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground=style.BLACK_COLOR)]
 
 
@@ -57,11 +50,9 @@ def _draw_photo(
     # Only what is shown is drawn: whole pixels around the box.
     u0, u1 = max(int(left / scale), 0), min(int(np.ceil(right / scale)), width)
     v0, v1 = max(int(top / scale), 0), min(int(np.ceil(bottom / scale)), height)
-    axes.imshow(
-        image[v0:v1, u0:u1], cmap="gray", vmin=0, vmax=255,
-        extent=(u0 * scale, u1 * scale, v1 * scale, v0 * scale),
-        interpolation="antialiased" if smooth else "nearest",
-    )  # fmt: skip
+    extent = (u0 * scale, u1 * scale, v1 * scale, v0 * scale)
+    look: Any = {"interpolation": "antialiased" if smooth else "nearest", "extent": extent}
+    axes.imshow(image[v0:v1, u0:u1], cmap="gray", vmin=0, vmax=255, **look)
     axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[])
     axes.grid(visible=False)
     for spine in axes.spines.values():
@@ -77,8 +68,8 @@ def _write_note(axes: Axes, place: Any, text: str, tint: str = "white", **look: 
 def _draw_frame(axes: Axes, box: Box, tint: str) -> None:
     """Draw the border of a part that another panel shows."""
     left, right, top, bottom = box
-    axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, edgecolor=tint,
-                             linewidth=1.3))  # fmt: skip
+    size: Any = right - left, bottom - top
+    axes.add_patch(Rectangle((left, top), *size, fill=False, edgecolor=tint, linewidth=1.3))
 
 
 def _colour_border(axes: Axes, tint: str) -> None:
@@ -118,16 +109,16 @@ def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
     figure, grid = style.subplots(
-        2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03), layout="constrained",
+        2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03),
         gridspec_kw={"wspace": 0.01, "hspace": 0.01},
     )  # fmt: skip
     figure.get_layout_engine().set(w_pad=0, h_pad=0)  # type: ignore[union-attr,call-arg]
-    for i, (axes, name) in enumerate(zip(grid.flat, camera_letters(data), strict=False)):
+    for i, (axes, name) in enumerate(zip(grid.flat, figures.camera_letters(data), strict=False)):
         _draw_photo(axes, pictures[i], smooth=True)
         scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
         row = scale * _rest_centres(data, i)[:, MARKERS.middle_row]
-        _write_note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", va="top", ha="left",
-              transform=axes.transAxes)  # fmt: skip
+        where: Any = {"va": "top", "ha": "left", "transform": axes.transAxes}
+        _write_note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", **where)
         for place, text in ((row[:, 0], "clamp"), (row[:, -1], "tip")):
             _write_note(axes, place + [0, 34], text, fontsize=8.5)
     return figure
@@ -143,22 +134,20 @@ def draw_board(data: xr.Dataset) -> Figure:
     used = corners[:, part].reshape(2, -1, 6)
     rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
     limits, size = picture.shape[::-1], (WIDTH_IN, 0.436 * WIDTH_IN)
-    figure, (left, right) = style.subplots(
-        1, 2, figsize=size, layout="constrained", width_ratios=[1.32, 1]
-    )
+    figure, (left, right) = style.subplots(1, 2, figsize=size, width_ratios=[1.32, 1])
     _draw_photo(left, picture, _enclose_places(corners, 1.32, 95, limits), smooth=True)
-    left.add_patch(Polygon(rim.T, fill=False, edgecolor=ORANGE, linewidth=2))
-    left.plot(*corners, "o", color=SKY, markersize=4.5, fillstyle="none", markeredgewidth=1.3)
+    left.add_patch(Polygon(rim.T, fill=False, edgecolor=style.ORANGE, linewidth=2))
+    left.plot(*corners, "o", color=style.SKY, markersize=4.5, fillstyle="none", markeredgewidth=1.3)
     first = corners[:, part[0]]
-    arrow = {"arrowstyle": "->", "color": RED, "linewidth": 2}
+    arrow = {"arrowstyle": "->", "color": style.RED, "linewidth": 2}
     for there, name in ((corners[:, part[0] + 1], "x"), (corners[:, part[0] + nx], "y")):
         left.annotate("", first + 1.5 * (there - first), first, arrowprops=arrow)
         _write_note(left, first + 1.75 * (there - first), name)
     zoomed = corners[:, part[20]]
-    _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, limits), GREEN)
+    _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, limits), style.GREEN)
     _draw_photo(right, picture, _enclose_places(zoomed[:, None], 1.0, 10, limits))
-    _colour_border(right, GREEN)
-    _draw_crosses(right, zoomed, SKY, 22)
+    _colour_border(right, style.GREEN)
+    _draw_crosses(right, zoomed, style.SKY, 22)
     left.set_title("(a) one shot of camera A")
     right.set_title("(b) one corner, pixel by pixel")
     return figure
@@ -174,20 +163,20 @@ def draw_outline(data: xr.Dataset) -> Figure:
     centres = data["picture_centres"].transpose("axis", "marker").values
     row, limits = MARKERS.columns, picture.shape[::-1]
     ends = {  # markers, corners, colour and letter of each
-        "tip": ([row - 3, row - 1, 3 * row - 3, 3 * row - 1], [1, 2], GREEN, "b"),
-        "clamped end": ([0, 2, 2 * row, 2 * row + 2], [0, 3], PINK, "c"),
+        "tip": ([row - 3, row - 1, 3 * row - 3, 3 * row - 1], [1, 2], style.GREEN, "b"),
+        "clamped end": ([0, 2, 2 * row, 2 * row + 2], [0, 3], style.PINK, "c"),
     }
     figure, panels = style.make_mosaic(
         [["all", "all"], ["tip", "clamped end"]],
-        figsize=(WIDTH_IN, 0.79 * WIDTH_IN), layout="constrained", height_ratios=[1.45, 1],
+        figsize=(WIDTH_IN, 0.79 * WIDTH_IN), height_ratios=[1.45, 1],
     )  # fmt: skip
     whole = panels["all"]
     _draw_photo(whole, picture, _enclose_places(corners, 2.15, 160, limits), smooth=True)
-    whole.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.2))
+    whole.add_patch(Polygon(corners.T, fill=False, edgecolor=style.ORANGE, linewidth=1.2))
     middle = corners[0].mean(), corners[1, [[0, 3], [1, 2], [1, 2], [0, 3]]].mean(axis=1)
     beside = corners + [[45], [32]] * np.sign(corners - np.stack(np.broadcast_arrays(*middle)))
     for place, digit in zip(beside.T, "①②③④", strict=True):
-        _write_note(whole, place, digit, ORANGE, fontsize=12)
+        _write_note(whole, place, digit, style.ORANGE, fontsize=12)
     whole.set_title("(a) the first frame of camera A, with the beam's outline")
     for name, (some, near, tint, letter) in ends.items():
         places = np.column_stack([centres[:, some], corners[:, near]])
@@ -195,9 +184,9 @@ def draw_outline(data: xr.Dataset) -> Figure:
         _draw_frame(whole, box, tint)
         _draw_photo(axes, picture, box)
         _colour_border(axes, tint)
-        axes.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.5))
+        axes.add_patch(Polygon(corners.T, fill=False, edgecolor=style.ORANGE, linewidth=1.5))
         inside = (centres[0] > box[0]) & (centres[0] < box[1])
-        _draw_crosses(axes, centres[:, inside], SKY, 6, rim=False)
+        _draw_crosses(axes, centres[:, inside], style.SKY, 6, rim=False)
         axes.set_title(f"({letter}) the {name}")
     return figure
 
@@ -215,21 +204,21 @@ def draw_plane(data: xr.Dataset) -> Figure:
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))
     figure, axes = style.subplots(
-        3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN), layout="constrained",
+        3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN),
         height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
     )  # fmt: skip
     for panel, part in zip(axes, (None, box, box), strict=True):
         _draw_photo(panel, picture, part, smooth=part is None)
         panel.invert_yaxis()  # y upwards: the beam as it is seen from above
-    _draw_frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), SKY)
+    _draw_frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), style.SKY)
     for panel in axes[1:]:
-        _colour_border(panel, SKY)
-    _draw_crosses(axes[1], grid, PINK, 11, rim=False)
+        _colour_border(panel, style.SKY)
+    _draw_crosses(axes[1], grid, style.PINK, 11, rim=False)
     large: Any = {"fillstyle": "none", "markersize": 15, "markeredgewidth": 2}
     small: Any = {"fillstyle": "none", "markersize": 6, "markeredgewidth": 1.2}
-    axes[2].plot(*matches[:, taken], "o", color=GREEN, **large)
-    axes[0].plot(*matches[:, ~taken], "s", color=RED, **small)
-    axes[2].plot(*matches[:, ~taken], "s", color=RED, **large)
+    axes[2].plot(*matches[:, taken], "o", color=style.GREEN, **large)
+    axes[0].plot(*matches[:, ~taken], "s", color=style.RED, **small)
+    axes[2].plot(*matches[:, ~taken], "s", color=style.RED, **large)
     spare = int(np.count_nonzero(~taken))
     axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {spare}")
     axes[1].set_title(f"(b) clamped end, with the ideal grid of {grid.shape[1]} points")
@@ -246,15 +235,15 @@ def draw_centres(data: xr.Dataset) -> Figure:
     pictures = data["picture_first"].values, data["picture_moved"].values
     both = np.column_stack([still[:, shown], moved[:, shown]])
     box = _enclose_places(both, 2.5, 12, pictures[0].shape[::-1])
-    figure, axes = style.subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN), layout="constrained")
+    figure, axes = style.subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN))
     for panel, picture in zip(axes, pictures, strict=True):
         _draw_photo(panel, picture, box)
-        _draw_crosses(panel, still[:, shown], SKY, 10)
-    _draw_crosses(axes[1], moved[:, shown], ORANGE, 10)
-    line = {"arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+        _draw_crosses(panel, still[:, shown], style.SKY, 10)
+    _draw_crosses(axes[1], moved[:, shown], style.ORANGE, 10)
+    line = {"arrowstyle": "-", "color": style.ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
     for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
         axes[1].annotate("", end, start, arrowprops=line)
-    most = np.nanmax(np.abs(moved - still)[1, TIP_MARKER])
+    most = np.nanmax(np.abs(moved - still)[1, figures.TIP_MARKER])
     axes[0].set_title("(a) at rest")
     axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")
     return figure
@@ -269,11 +258,10 @@ def draw_widths(data: xr.Dataset) -> Figure:
     row, middle = MARKERS.columns, MARKERS.columns // 2
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
     box = _enclose_places(_rest_centres(data)[:, shown], 2.3, 16, full.shape[::-1])
-    every = sorted(int(width) for width in data["width"].values)
-    figure, grid = style.subplots(
-        -(-len(every) // 2), 2, figsize=(WIDTH_IN, 0.245 * WIDTH_IN * -(-len(every) // 2)),
-        layout="constrained", squeeze=False,
-    )  # fmt: skip
+    every = sorted(data["width"].values.tolist())
+    rows = -(-len(every) // 2)
+    size = (WIDTH_IN, 0.245 * WIDTH_IN * rows)
+    figure, grid = style.subplots(rows, 2, figsize=size, squeeze=False)
     for axes, width in zip(grid.flat, reversed(every), strict=False):
         small = follow.reduce_frame(full, width)
         if width == data.sizes["column_low"]:
@@ -283,7 +271,7 @@ def draw_widths(data: xr.Dataset) -> Figure:
         text = f"{100 * float(at['missing_share']):.0f} % missing"
         if np.isfinite(at["wrong_share"]):
             text += f", {100 * float(at['wrong_share']):.0f} % wrong"
-        axes.set_title(f"{width}×{small.shape[0]}: {text}", color=SKETCH_INK)
+        axes.set_title(f"{width}×{small.shape[0]}: {text}", color=figures.SKETCH_INK)
     for axes in grid.flat[len(every) :]:
         axes.axis("off")
     return figure
@@ -375,17 +363,18 @@ def _tracking(data: xr.Dataset) -> dict[str, Any]:
 def _steps(data: xr.Dataset) -> dict[str, Any]:
     """Measure the deflection by the four methods, and the frame it is measured in."""
     given, beam = json.loads(data.attrs["rendering"]), setups.thesis_beam()
-    instant, found = methods.find_maxima(data, setups.thesis_beam().damping), []
+    instant, found = methods.find_maxima(data, beam.damping), []
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
     tracks = {name: _tracks(data, name) for name in ("matched", "literal", "harmonic")}
+    tracks["aligned"] = tracks["literal"]
     for method in ("matched", "literal", "aligned", "harmonic"):
-        own = tracks["literal" if method == "aligned" else method]
-        measured, _ = methods.measure_deflection(own, instant, method, data["exposure"].values)
-        measured = measured[MARKERS.middle_row]
+        own, exposure = tracks[method], data["exposure"].values
+        every, _ = methods.measure_deflection(own, instant, method, exposure)
+        measured = every[MARKERS.middle_row]
         error = 100 * np.abs(measured - reference) / np.abs(reference).max()
-        mean, largest = np.sqrt(np.nanmean(error**2)), np.nanmax(error)
-        found.append((method, measured, {"mean": mean, "largest": largest}))
+        errors = {"mean": np.sqrt(np.nanmean(error**2)), "largest": np.nanmax(error)}
+        found.append((method, measured, errors))
     return {
         "methods": found,
         "widest": int(data["width"].max()),
@@ -396,8 +385,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
 
 def _tracks(data: xr.Dataset, method: str) -> methods.Tracks:
     """Return the tracks of all cameras at the largest width, as a method takes them."""
-    letters, widest = "".join(data["camera"].values.tolist()), int(data["width"].max())
-    return tracks_of(data, (method, letters, widest))
+    return tracks_of(data, (method, figures.camera_letters(data), int(data["width"].max())))
 
 
 def _parts(data: xr.Dataset) -> dict[str, Any]:

@@ -32,8 +32,8 @@ CURVE_POINTS = 400  # points at which a curve is looked up
 PALE_GREY = "#c8c8c8"
 LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", style.BLACK_COLOR)}
 PART_CURVES = {
-    "noise_error": ("scatter alone", "-", style.CYCLE_COLORS[5]),
-    "bias_error": ("bias alone", "-", style.CYCLE_COLORS[1]),
+    "noise_error": ("scatter alone", "-", style.SKY),
+    "bias_error": ("bias alone", "-", style.ORANGE),
 }
 _LINE_STYLE: Any = {"markersize": 4, "linewidth": 1}
 CENTRE_CURVES: list[tuple[str, str, str, Any]] = [  # variable, label, line, style
@@ -64,8 +64,8 @@ def one_sided(part: xr.Dataset) -> Mask:
     """Tell whether all cameras of a set look from one side of the beam's axis, (settings,)."""
     across = np.cos(np.radians(part["camera_azimuth"].transpose("setting", "camera").values))
     known = np.isfinite(across)
-    sides = [np.all(~known | (side * across > 1e-9), axis=1) for side in (1, -1)]
-    return np.asarray(np.logical_or(*sides))
+    left, right = (np.all(~known | (side * across > 1e-9), axis=1) for side in (1, -1))
+    return np.asarray(left | right)
 
 
 @dataclass(frozen=True)
@@ -138,30 +138,20 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 
 def _draw_sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
-    part = part.isel(setting=np.argsort(part["value"].values, kind="stable"))
-    drawing, axes = style.subplots(2, 2, figsize=(7.6, 6.0), layout="constrained")
+    part = part.sortby("value")
+    values, varied = part["value"].values, str(part["parameter"].values[0])
+    drawing, axes = style.subplots(2, 2, figsize=(7.6, 6.0))
     setup_panel(axes[0, 0], cube, part)
-    axes[0, 0].set_title(f"(a) setups: {VARIED_NAMES[str(part['parameter'].values[0])]} varied")
+    axes[0, 0].set_title(f"(a) setups: {VARIED_NAMES[varied]} varied")
     _draw_errors(axes[0, 1], part)
     _draw_centres(axes[1, 0], part)
-    if part["parameter"].values[0] == "elevation_deg":
-        _draw_lost(axes[1, 1], part)
-        sides = axes.flat[1:]
-    else:
-        _draw_along(axes[1, 1], part)
-        sides = axes.flat[1:3]
-    for panel in sides:
-        _value_axis(panel, part)
+    swept = varied == "elevation_deg"
+    (_draw_lost if swept else _draw_along)(axes[1, 1], part)
+    for panel in axes.flat[1 : 4 if swept else 3]:
+        style.make_logarithmic(panel.xaxis, values)
+        panel.set_xlabel(f"{VARIED_NAMES[varied]} in {fields.unit_of_field(varied)}")
+        panel.set_xlim(values.min() / 1.15, values.max() * 1.15)
     return drawing
-
-
-def _value_axis(axes: Axes, part: xr.Dataset) -> None:
-    """Make a logarithmic axis with the settings' values as its ticks."""
-    values = part["value"].values
-    style.make_logarithmic(axes.xaxis, values.tolist())
-    varied = str(part["parameter"].values[0])
-    axes.set_xlabel(f"{VARIED_NAMES[varied]} in {fields.unit_of_field(varied)}")
-    axes.set_xlim(values.min() / 1.15, values.max() * 1.15)
 
 
 def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
@@ -171,18 +161,18 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
         label = f"5–95 % of {cubes.trials_are(part)}"
-        axes.vlines(values, low, high, color=style.CYCLE_COLORS[0], linewidth=1.4, label=label)
-        look: Any = {"color": style.CYCLE_COLORS[0], "markersize": 4}
+        axes.vlines(values, low, high, color=style.BLUE, linewidth=1.4, label=label)
+        look: Any = {"color": style.BLUE, "markersize": 4}
         axes.plot(values, predict_errors(part), "o", label="rms over these", **look)
     look = {"markerfacecolor": "none", "color": style.HIGHLIGHT_COLOR, "markersize": 4}
     axes.plot(values, error[:, 0], "D", label="rendered run", **look)
     whole, swept = select_complete(part), part["parameter"].values[0] == "elevation_deg"
     best = find_optimum(whole["value"].values, predict_errors(whole)) if swept else None
     if best is not None:
-        axes.axvspan(best.low, best.high, color=style.CYCLE_COLORS[0], alpha=0.08, linewidth=0)
-        axes.axvline(best.at, color=style.CYCLE_COLORS[0], linewidth=0.8, linestyle=":")
+        axes.axvspan(best.low, best.high, color=style.BLUE, alpha=0.08, linewidth=0)
+        axes.axvline(best.at, color=style.BLUE, linewidth=0.8, linestyle=":")
         where: Any = {"fontsize": 8, "transform": axes.get_xaxis_transform()}
-        axes.text(best.at, 0.55, f" least at {best.at:.0f}°", color=style.CYCLE_COLORS[0], **where)
+        axes.text(best.at, 0.55, f" least at {best.at:.0f}°", color=style.BLUE, **where)
     axes.set_yscale("log")
     axes.set(title="(b) mean (rms) error", ylabel="% of the largest deflection")
     _add_key(axes, room=0.45, ncols=2, handlelength=1.4)
@@ -197,7 +187,7 @@ def _add_key(axes: Axes, room: float, **how: Any) -> None:
 def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
     values = part["value"].values
     for name, label, look, how in CENTRE_CURVES:
-        for axis, tone in (("u", style.CYCLE_COLORS[4]), ("v", style.CYCLE_COLORS[2])):
+        for axis, tone in (("u", style.RED), ("v", style.GREEN)):
             one = part[name].sel(axis=axis)
             axes.plot(values, one, look, color=tone, label=f"{label}, {axis}", **how)
     axes.set_yscale("log")
@@ -207,15 +197,9 @@ def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
 
 def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
     values, grey = part["value"].values, "#555555"
-    axes.plot(
-        values,
-        100 * part["lost"],
-        "o-",
-        color=style.BLACK_COLOR,
-        markersize=4,
-        label="lost, of all",
-    )
-    look: Any = {"markerfacecolor": "none", "color": style.HIGHLIGHT_COLOR, **_LINE_STYLE}
+    look: Any = {"color": style.BLACK_COLOR, "markersize": 4}
+    axes.plot(values, 100 * part["lost"], "o-", label="lost, of all", **look)
+    look = {"markerfacecolor": "none", "color": style.HIGHLIGHT_COLOR, **_LINE_STYLE}
     axes.plot(values, 100 * part["wrong"], "D-", label="wrong, of those found", **look)
     for value, height in zip(values, part["image_height"].values, strict=True):
         axes.text(value, 112, f"{height:.1f}", ha="center", fontsize=7, color=grey)
@@ -229,13 +213,12 @@ def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
 def _draw_along(axes: Axes, part: xr.Dataset) -> None:
     error = predict_errors(part)
     if np.isfinite(error).any():
-        best, worst = int(np.nanargmin(error)), int(np.nanargmax(error))
-        for index in dict.fromkeys([best, worst]):
-            one, is_best = part.isel(setting=index), index == best
-            label = f"{one['label'].item()} ({'best' if is_best else 'worst'})"
-            color = style.BEST_COLOR if is_best else style.WORST_COLOR
-            look: Any = {"label": label, "color": color, "linewidth": 1}
-            axes.plot(one["x"] * 1000, one["point_error"], ".-", **look)
+        worst = int(np.nanargmax(error)), "worst", style.WORST_COLOR
+        best = int(np.nanargmin(error)), "best", style.BEST_COLOR
+        for index, word, ink in (best, worst)[: 1 if best[0] == worst[0] else 2]:
+            one = part.isel(setting=index)
+            label = f"{one['label'].item()} ({word})"
+            axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, color=ink, lw=1)
         axes.legend()
     axes.set(title="(d) error of each marker", xlabel="x in mm", ylim=(0, None))
     axes.set_ylabel("% of the largest deflection")
@@ -253,12 +236,9 @@ def plain_ticks(axis: Axis) -> None:
 def draw_sets(part: xr.Dataset) -> Figure:
     """Draw all sets, from their part of the cube."""
     drawing = Figure(figsize=(7.6, 6.6), layout="constrained")
-    parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
+    parts = drawing.subfigures(2, 2, height_ratios=[1.0, 1.05])
     _draw_plans(parts[0, 0], part)
-    count = part["n_cameras"].values
-    numbers = np.unique(count).tolist()
-    tones = dict(zip(numbers, style.ordered_colors(len(numbers)), strict=True))
-    _against_the_law(parts[0, 1].subplots(), part, tones)
+    _against_the_law(parts[0, 1].subplots(), part)
     _draw_ratio(parts[1, 0].subplots(), part)
     _by_number(parts[1, 1].subplots(), part)
     return drawing
@@ -276,15 +256,15 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
         own = np.flatnonzero((count == n) & np.isfinite(error))
         order = own[np.argsort(error[own], kind="stable")]
         ends = zip(panels[:, column], order[[0, -1]], ("best", "worst"), strict=True)
+        ground: Any = {"color": style.REFERENCE_COLOR, "linewidth": 0}
         for axes, index, word in ends:
             one = part.isel(setting=int(index))
-            ground: Any = {"color": style.REFERENCE_COLOR, "linewidth": 0}
             axes.add_patch(Rectangle((-length / 2, -width / 2), length, width, **ground))
             axes.plot(*every.T, ".", color="#cccccc", markersize=3)
             names = str(one["label"].item()).split("–")
             for name, (x, y) in zip(names, 1000 * camera_centres(one)[:, :2], strict=True):
-                axes.plot([0, x], [0, y], color=style.CYCLE_COLORS[0], linewidth=0.6, alpha=0.6)
-                axes.plot(x, y, "o", color=style.CYCLE_COLORS[0], markersize=4)
+                axes.plot([0, x], [0, y], color=style.BLUE, linewidth=0.6, alpha=0.6)
+                axes.plot(x, y, "o", color=style.BLUE, markersize=4)
                 axes.annotate(name, (1.17 * x, 1.17 * y), ha="center", va="center", fontsize=7)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
             axes.set_title(f"{word} {n}: {error[index]:.3g} %", fontsize=8, loc="center")
@@ -292,11 +272,12 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     place.suptitle("(a) best and worst sets in plan", fontsize=9, x=0.02, ha="left")
 
 
-def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> None:
+def _against_the_law(axes: Axes, part: xr.Dataset) -> None:
     law, error = part["predicted_error"].values, predict_errors(part)
     literal, count = part["mean_error"].values[:, 0], part["n_cameras"].values
     axes.plot(law, literal, ".", color=PALE_GREY, markersize=3, label="rendered run")
-    for n, tone in tones.items():
+    numbers = np.unique(count)
+    for n, tone in zip(numbers, style.ordered_colors(len(numbers)), strict=True):
         axes.plot(law[count == n], error[count == n], ".", color=tone, markersize=4, label=f"{n}")
     both = np.concatenate([law, error])
     both = both[np.isfinite(both)]
@@ -304,10 +285,10 @@ def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> Non
         ends = [both.min(), both.max()]
         axes.plot(ends, ends, color=style.BLACK_COLOR, linewidth=0.8)
     axes.set(xscale="log", yscale="log", ylabel="error, %")
-    axes.set(xlabel="law, % of the largest deflection")
-    axes.set(title=f"(b) rms over {cubes.trials_are(part)} against the law")
-    for axis in (axes.xaxis, axes.yaxis):
-        plain_ticks(axis)
+    axes.set_xlabel("law, % of the largest deflection")
+    axes.set_title(f"(b) rms over {cubes.trials_are(part)} against the law")
+    plain_ticks(axes.xaxis)
+    plain_ticks(axes.yaxis)
     axes.legend(ncols=2, fontsize=7, columnspacing=1, handletextpad=0.2)
 
 
@@ -320,7 +301,7 @@ def _draw_ratio(axes: Axes, part: xr.Dataset) -> None:
         bins = np.linspace(min(both.min(), 0.98), max(both.max(), 1.02), 31).tolist()
         axes.hist(literal, bins, color=PALE_GREY, label="rendered run")
         label = f"rms over {cubes.trials_are(part)}"
-        axes.hist(trials, bins, histtype="step", color=style.CYCLE_COLORS[0], label=label)
+        axes.hist(trials, bins, histtype="step", color=style.BLUE, label=label)
         axes.legend()
     axes.axvline(1, color=style.BLACK_COLOR, linewidth=0.8)
     axes.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")
@@ -337,7 +318,7 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
     groups = [error[known & (count == k)] for k in n]
     curves = ("best", np.min, "v-", 0.6), ("mean", np.mean, "o-", 1.0), ("worst", np.max, "^-", 0.6)
     for name, function, look, alpha in curves:
-        how: Any = {**_LINE_STYLE, "color": style.CYCLE_COLORS[0], "alpha": alpha}
+        how: Any = {**_LINE_STYLE, "color": style.BLUE, "alpha": alpha}
         axes.plot(n, [function(own) for own in groups], look, label=name, **how)
     root = groups[0].min() * np.sqrt(n[0] / n)
     axes.plot(n, root, "--", color=style.BLACK_COLOR, linewidth=1, label="best pair, as 1/√n")
@@ -358,8 +339,7 @@ def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
     settings = []
     for case, part in selection.split_cases(cube).items():
         for one in list(cubes.iterate_slices(part, "setting"))[-1 if case == "subsets" else 0 :]:
-            drawn = one["mean_error"].values[1:]
-            trials = None
+            drawn, trials = one["mean_error"].values[1:], None
             if len(drawn) and np.isfinite(drawn).all():
                 trials = np.sqrt(np.mean(drawn**2)), *np.quantile(drawn, [0.05, 0.95])
             settings.append((one, trials))

@@ -9,14 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting import style
-from thesis_lib.plotting.selection import (
-    best_and_worst,
-    error_bars,
-    rank_settings,
-    select_settings,
-    split_cases,
-)
+from thesis_lib.plotting import selection, style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vibration.motion import detuning_loss
 
@@ -26,45 +19,45 @@ MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disa
 
 def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, bending along the axis, what the edge rows do next to it, and bars."""
-    part = select_settings(cube, case, mode)
-    chosen = best_and_worst(part)
-    drawing, axes = style.subplots(2, 2, figsize=(7.6, 5.6), layout="constrained")
+    part = selection.select_settings(cube, case, mode)
+    drawing, axes = style.subplots(2, 2, figsize=(7.6, 5.6))
     figures.setup_panel(axes[0, 0], cube, part)
     x, y = part["x"].values * 1000, part["y"].values
     rows = [np.flatnonzero(y == value) for value in np.unique(y)]
     axis, bending = rows[len(rows) // 2], axes[0, 1]
     true = 1000 * part["reference_deflection"].values[axis]
     bending.plot(x[axis], true, color=style.REFERENCE_COLOR, linewidth=3, label="true")
-    for index, word, ink in zip(chosen, rank_settings(part), style.RANK_COLORS, strict=False):
-        measured = 1000 * part["measured_deflection"].values[index, 0, axis]
-        label = f"{part['label'].values[index]}, {word}"
+    ranked = selection.rank_settings(part)[: part.sizes["setting"]]
+    for one, word, ink in ranked:
+        measured, label = (
+            1000 * one["measured_deflection"][0, axis],
+            f"{one['label'].item()}, {word}",
+        )
         bending.plot(x[axis], measured, ".-", color=ink, linewidth=1, label=label)
     bending.set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
     bending.legend()
-    _torsion_panel(axes[1, 0], part, rows, chosen)
-    figures.bar_panel(axes[1, 1], part, [error_bars(cube, case, mode)])
+    _torsion_panel(axes[1, 0], part, (rows[0], rows[-1]), ranked)
+    figures.bar_panel(axes[1, 1], part, [selection.error_bars(cube, case, mode)])
     axes[1, 1].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
     return drawing
 
 
-def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[int]) -> None:
+def _torsion_panel(axes: Axes, part: xr.Dataset, rows: Any, ranked: Any) -> None:
     """Draw the edge rows a quarter of a period before the maximum of bending, in µm."""
     x, grey = part["x"].values * 1000, "#777777"
     true = part["reference_quadrature"].values * 1e6
     axes.set(title="(c) a quarter of a period before", xlabel="x in mm", ylabel="w in µm")
-    for row, mark, name in ((rows[0], "v", "first row"), (rows[-1], "^", "last row")):
+    for row, mark, name in zip(rows, "v^", ("first row", "last row"), strict=True):
         axes.plot(x[row], true[row], color=style.REFERENCE_COLOR, linewidth=2)
-        for index, ink in zip(chosen, style.RANK_COLORS, strict=False):
-            measured = part["quadrature_deflection"].values[index] * 1e6
-            axes.plot(x[row], measured[row], mark, color=ink, markersize=3.5)
+        for one, _, ink in ranked:
+            measured = one["quadrature_deflection"][row] * 1e6
+            axes.plot(x[row], measured, mark, color=ink, markersize=3.5)
         axes.plot([], [], mark, color=grey, markersize=4, label=name)
     axes.plot([], [], color=style.REFERENCE_COLOR, linewidth=2, label="true")
-    if np.isnan(part["quadrature_deflection"].values[chosen]).all():
+    if all(one["quadrature_deflection"].isnull().all() for one, *_ in ranked):
         place: Any = {"ha": "center", "va": "center", "transform": axes.transAxes}
         axes.text(0.5, 0.5, "one instant shows\none instant alone", color=grey, **place)
-    axes.legend(ncols=3, loc="upper left", columnspacing=1, handlelength=1.2)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.2 * (high - low))
+    style.add_legend(axes, room=0.2, ncols=3, columnspacing=1, handlelength=1.2)
 
 
 def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
@@ -74,8 +67,7 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     part = cube.sel(mode=mode)
     n = part.sizes["frame_rate"]
     drawing = Figure(figsize=(7.6, 1.2 + 1.15 * max(n, 3)), layout="constrained")
-    halves = drawing.add_gridspec(1, 2)
-    left, right = (drawing.add_subfigure(halves[0, column]) for column in (0, 1))
+    left, right = drawing.subfigures(1, 2)
     for r, axes in enumerate(np.atleast_1d(left.subplots(n, 1))):
         _spectrum_panel(axes, part.isel(frame_rate=r), r)
     left.axes[0].set_title("(a) share explained by a harmonic")
@@ -100,9 +92,8 @@ def _mark_rates(axes: Axes, part: xr.Dataset, x: str, y: str) -> None:
 
 def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
     rate = float(one["frame_rate"])
-    axes.plot(
-        one["spectrum_frequency"], one["spectrum"], color=style.cycle_color(number), linewidth=1.2
-    )
+    ink = style.cycle_color(number)
+    axes.plot(one["spectrum_frequency"], one["spectrum"], color=ink, linewidth=1.2)
     true, shown = float(one["frequency"]), float(one["alias_frequency"])
     aliased = abs(true - shown) > 1e-6
     ink = style.HIGHLIGHT_COLOR if aliased else style.BLACK_COLOR
@@ -152,11 +143,11 @@ def _results(cube: xr.Dataset) -> dict[str, Any]:
     """Return median errors of the four ways, by mode and frame rate."""
     rates: list[tuple[xr.Dataset, tuple[Any, ...]]] = []
     for of in iterate_slices(cube, "mode"):
-        cases = split_cases(cube, int(of["mode"]))
+        cases = selection.split_cases(cube, int(of["mode"]))
         further = [part["mean_error"].isel(trial=slice(1, None)) for part in cases.values()]
         own = zip(*(errors.median("trial").values for errors in further), strict=True)
         rates += zip(iterate_slices(of, "frame_rate"), own, strict=True)
-    known = select_settings(cube, "known", int(cube["mode"].values[-1]))
+    known = selection.select_settings(cube, "known", int(cube["mode"].values[-1]))
     return {"cases": list(cases), "rates": rates, "ends": [known.isel(setting=i) for i in (0, -1)]}
 
 

@@ -5,19 +5,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.selection import (
-    best_and_worst,
-    error_bars,
-    rank_settings,
-    select_settings,
-    split_cases,
-)
-from thesis_lib.plotting.style import draw_map, make_mosaic
+from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes
 
 CASE_TITLES = {
@@ -37,15 +29,13 @@ ERROR_NAMES = {
 
 def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw setup, errors of deflection and sound, and maps of both and of their errors."""
-    part = select_settings(cube, case, mode)
-    drawing, axes = make_mosaic(
-        "abc;def;ghi", figsize=(8.2, 6.6), layout="constrained", height_ratios=[1.3, 1, 1.1]
-    )
+    part = selection.select_settings(cube, case, mode)
+    drawing, axes = style.make_mosaic("abc;def;ghi", (8.2, 6.6), height_ratios=[1.3, 1, 1.1])
     figures.setup_panel(axes["a"], cube, part)
     axes["a"].set_title(f"(a) {CASE_TITLES.get(case, case)} varied")
-    figures.bar_panel(axes["b"], part, [error_bars(cube, case, mode)])
+    figures.bar_panel(axes["b"], part, [selection.error_bars(cube, case, mode)])
     axes["b"].set(title="(b) deflection", ylabel="error in % of the largest")
-    bars = [error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
+    bars = [selection.error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
     figures.bar_panel(axes["c"], part, bars)
     silent = [one.name for one in bars if np.isnan(one.literal).all()]
     planes = {"": "XZ, YZ (light)", "XZ": "YZ", "YZ": "XZ"}.get("".join(silent), "nodal planes")
@@ -57,69 +47,45 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
             legend.remove()
         axes[name].set_ylim(top=axes[name].get_ylim()[1] / 1.25)  # the legend stands outside
     drawing.legend(*handles, loc="outside lower center", ncols=4)
-    chosen = best_and_worst(part)
-    ends, names = (chosen[0], chosen[-1]), part["label"].values
-    words = [f"{word}:\n{names[i]}" for word, i in zip(rank_settings(part), ends, strict=True)]
-    _draw_deflections(drawing, [axes[name] for name in "def"], part, ends, words)
-    _draw_fields(drawing, [axes[name] for name in "ghi"], cube, case, mode, words)
+    rows = _map_deflections(part), _map_fields(part, case)
+    for row, (maps, places, names, labels) in zip(("def", "ghi"), rows, strict=True):
+        panels = [axes[name] for name in row]
+        pictures = style.draw_maps(panels, maps, *places, names, fontsize=8)
+        drawing.colorbar(pictures[0], ax=panels[0], shrink=0.8, label=labels[0])
+        drawing.colorbar(pictures[1], ax=panels[1:], shrink=0.8, label=labels[1])
     return drawing
 
 
-def _draw_deflections(
-    drawing: Figure, axes: list[Axes], part: xr.Dataset, chosen: tuple[int, int], words: list[str]
-) -> None:
+def _name_errors(part: xr.Dataset, errors: list[Any]) -> Any:
+    """Yield title, values and common limit of the errors of the best and the worst setting."""
+    limit = max(float(np.nanmax(np.abs(error))) for error in errors)
+    for (one, word, _), error in zip(selection.rank_settings(part), errors, strict=True):
+        yield f"error, {word}:\n{one['label'].item()}", error, limit
+
+
+def _map_deflections(part: xr.Dataset) -> tuple[Any, ...]:
+    """Return maps, places, and names of axes and colour bars: true deflection and its errors."""
     x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
-    reference = part["reference_deflection"].values
-    errors = [(part["measured_deflection"].values[i, 0] - reference) * 1e6 for i in chosen]
-    largest = max(float(np.nanmax(np.abs(error))) for error in errors)
-    peak = 1000 * float(np.abs(reference).max())
-    shown = [
-        ("(d) true deflection", reference * 1000, peak),
-        *((f"error, {word}", error, largest) for word, error in zip(words, errors, strict=True)),
-    ]
-    maps = [(title, values.reshape(len(y), len(x)), top) for title, values, top in shown]
-    _draw_maps(drawing, axes, maps, (x, y), ("x", "y"), ("w in mm", "error in µm"))
+    reference = part["reference_deflection"].values.reshape(len(y), len(x))
+    ends = [one["measured_deflection"].values[0] for one, *_ in selection.rank_settings(part)]
+    errors = [(measured.reshape(reference.shape) - reference) * 1e6 for measured in ends]
+    true = "(d) true deflection", reference * 1000, 1000 * float(np.abs(reference).max())
+    maps = true, *_name_errors(part, errors)
+    return maps, (x, y), ("x", "y"), ("w in mm", "error in µm")
 
 
-def _draw_fields(
-    drawing: Figure, axes: list[Axes], cube: xr.Dataset, case: str, mode: int, words: list[str]
-) -> None:
-    """Draw the true field on the louder plane, and the errors of the field there."""
-    part = cube.sel(mode=mode)
-    largest = part["largest_pressure"]
-    plane = str(part["plane"].values[np.argmax(np.nan_to_num(largest.values))])
-    scale = float(largest.sel(plane=plane))
-    u, z = cube["u"].values * 1000, cube["z"].values * 1000
-    c = cube["case_name"].values.tolist().index(case)
-    true = part["pressure_reference_real"].sel(plane=plane).values
-    filmed = part["pressure_measured_real"].isel(case=c).sel(plane=plane)
-    errors = [100 * (filmed.sel(extreme=e).values - true) / scale for e in ("best", "worst")]
-    limit = max(float(np.abs(error).max()) for error in errors)
-    maps = [
-        (f"(e) true pressure, {plane}", 100 * true.T / scale, 100.0),
-        *((f"error, {word}", error.T, limit) for word, error in zip(words, errors, strict=True)),
-    ]
+def _map_fields(part: xr.Dataset, case: str) -> tuple[Any, ...]:
+    """Return the same of the field on the louder plane."""
+    plane = part["plane"].values[np.argmax(np.nan_to_num(part["largest_pressure"].values))]
+    scale, names = float(part["largest_pressure"].sel(plane=plane)), part["case_name"].values
+    true = part["pressure_reference_real"].sel(plane=plane).values.T
+    filmed = part["pressure_measured_real"].isel(case=names.tolist().index(case))
+    filmed = filmed.sel(plane=plane)
+    ends = [filmed.sel(extreme=end).values.T for end in ("best", "worst")]
+    errors = _name_errors(part, [100 * (field - true) / scale for field in ends])
+    maps = (f"(e) true pressure, {plane}", 100 * true / scale, 100.0), *errors
     labels = "Re p in % of the largest", "error of Re p in %"
-    _draw_maps(drawing, axes, maps, (u, z), (plane[0], "Z"), labels)
-
-
-def _draw_maps(
-    drawing: Figure,
-    axes: list[Axes],
-    maps: list[tuple[str, Array, float]],
-    places: tuple[Array, Array],
-    names: tuple[str, str],
-    labels: tuple[str, str],
-) -> None:
-    """Draw the truth, and two errors with one colour bar: title, values (up, across), limit."""
-    pictures = []
-    for one, (title, values, limit) in zip(axes, maps, strict=True):
-        pictures.append(draw_map(one, values, *places, limit))
-        one.set_title(title, fontsize=8)
-        one.set_xlabel(f"{names[0]} in mm")
-    axes[0].set_ylabel(f"{names[1]} in mm")
-    drawing.colorbar(pictures[0], ax=axes[0], shrink=0.8, label=labels[0])
-    drawing.colorbar(pictures[1], ax=axes[1:], shrink=0.8, label=labels[1])
+    return maps, (part["u"].values * 1000, part["z"].values * 1000), (plane[0], "Z"), labels
 
 
 # What tables need besides the cube.
@@ -134,12 +100,11 @@ def compare_errors(cube: xr.Dataset, mode: int, plane: str) -> dict[str, Array]:
     _, distinct = np.unique(part["predicted_error"].values, return_index=True)
     part = part.isel(setting=np.sort(distinct))
     errors = part[["mean_error", "plane_error"]].to_dataarray().transpose(..., "setting", "trial")
-    further = errors.values[..., 1:]
-    drawn = errors.values[..., 0] * np.nan
-    if further.size:
-        drawn = np.sqrt(np.mean(further**2, axis=-1))
-    rounded = part[["rounded_error", "rounded_plane_error"]].to_dataarray().values
-    return {"trials": drawn, "rendered": errors.values[..., 0], "whole pixels": rounded}
+    rendered = errors.isel(trial=0)
+    drawn = selection.trial_rms(errors) if errors.sizes["trial"] > 1 else rendered * np.nan
+    rounded = part[["rounded_error", "rounded_plane_error"]].to_dataarray()
+    kinds = {"trials": drawn, "rendered": rendered, "whole pixels": rounded}
+    return {kind: values.values for kind, values in kinds.items()}
 
 
 def format_correlation(cube: xr.Dataset) -> str:
@@ -152,7 +117,7 @@ def format_correlation(cube: xr.Dataset) -> str:
 def _results(cube: xr.Dataset) -> dict[str, Any]:
     """Compare settings of each case in expectation, rendered and with whole pixels."""
     plane, cases = str(cube["plane"].values[0]), []
-    for case, every in split_cases(cube).items():
+    for case, every in selection.split_cases(cube).items():
         part = every.sel(plane=plane)
         medians = part[["mean_error", "plane_error"]].isel(trial=slice(1, None)).median("trial")
         rounded = part["rounded_error"].values, part["rounded_plane_error"].values

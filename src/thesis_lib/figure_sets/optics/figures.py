@@ -22,13 +22,16 @@ CLAIMED_SIDES = {  # side: how it is called, and the claimed number of eq. 2.20
     "height": ("up", "view-up"),
     "diagonal": ("diagonally", "view-diagonal"),
 }
+ERROR_CURVES = {
+    "projection_error": ("largest error, px", "-", style.RED),
+    "relative_projection_error": ("the same, % of the row of markers", "--", style.ORANGE),
+    "depth_range": ("spread of the depths, ± %", ":", style.REFERENCE_COLOR),
+}
 
 
 def view(cube: xr.Dataset) -> Figure:
     """Plot the angle of view against focal length, and against that times the crop factor."""
-    drawing, (left, right) = style.subplots(
-        1, 2, figsize=FIGURE_SIZE_IN, layout="constrained", sharey=True
-    )
+    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN, sharey=True)
     ordered = cube.sortby("focal_length")
     f = ordered["focal_length"].values * 1000
     for i, one in enumerate(iterate_slices(ordered, "sensor")):
@@ -49,17 +52,13 @@ def view(cube: xr.Dataset) -> Figure:
 
 def projection(cube: xr.Dataset) -> Figure:
     """Plot the markers by a pinhole and with one depth, and their distance."""
-    drawing, (left, right) = style.subplots(
-        1, 2, figsize=FIGURE_SIZE_IN, layout="constrained", width_ratios=[1.25, 1]
-    )
+    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN, width_ratios=[1.25, 1])
     near = cube.isel(shown_distance=int(np.argmin(cube["shown_distance"].values)))
     (u, v), (flat_u, flat_v) = near["image"].values
     left.plot([u, flat_u], [v, flat_v], color=style.REFERENCE_COLOR, lw=0.6)
     look = {"ls": "none", "marker": "o", "ms": 3.5}
-    left.plot(u, v, color=style.CYCLE_COLORS[0], label="pinhole", **look)
-    left.plot(
-        flat_u, flat_v, color=style.CYCLE_COLORS[4], mfc="none", label="one depth for all", **look
-    )
+    left.plot(u, v, color=style.BLUE, label="pinhole", **look)
+    left.plot(flat_u, flat_v, color=style.RED, mfc="none", label="one depth for all", **look)
     title = f"(a) the markers from {1000 * float(near['shown_distance']):g} mm"
     left.set(title=title, xlabel="u in px", ylabel="v in px", aspect="equal")
     left.invert_yaxis()
@@ -67,16 +66,7 @@ def projection(cube: xr.Dataset) -> Figure:
     left.legend(loc="lower center", ncols=2, columnspacing=1)
     d = cube["distance"].values * 1000
     asked = np.isin(cube["distance"].values, cube["shown_distance"].values)
-    for name, line, ink, words in (
-        ("projection_error", "-", style.CYCLE_COLORS[4], "largest error, px"),
-        (
-            "relative_projection_error",
-            "--",
-            style.CYCLE_COLORS[1],
-            "the same, % of the row of markers",
-        ),
-        ("depth_range", ":", style.REFERENCE_COLOR, "spread of the depths, ± %"),
-    ):
+    for name, (words, line, ink) in ERROR_CURVES.items():
         values = cube[name].values
         right.plot(d, values, line, label=words, lw=1.5, color=ink)
         right.plot(d[asked], values[asked], color=ink, **look)
@@ -89,10 +79,9 @@ def projection(cube: xr.Dataset) -> Figure:
 
 def pixels(cube: xr.Dataset) -> Figure:
     """Show an image with coarser and coarser pixels."""
-    number = cube.sizes["width"]
-    rows, columns = cube["pixelated"].shape[1:]
+    number, rows, columns = cube["pixelated"].shape
     size = (6.8, number * (6.6 * rows / columns + 0.3))
-    drawing, axes = style.subplots(number, 1, figsize=size, squeeze=False, layout="constrained")
+    drawing, axes = style.subplots(number, 1, figsize=size, squeeze=False)
     for part, axis in zip(iterate_slices(cube, "width"), axes[:, 0], strict=True):
         axis.imshow(part["pixelated"].values, cmap="gray", vmin=0, vmax=255, interpolation="none")
         axis.set_title(
@@ -105,7 +94,7 @@ def pixels(cube: xr.Dataset) -> Figure:
 
 def mosaic(cube: xr.Dataset) -> Figure:
     """Show a marker in colours, through the filters, interpolated, and the error."""
-    drawing, axes = style.subplots(2, 2, figsize=(6.4, 4.6), layout="constrained")
+    drawing, axes = style.subplots(2, 2, figsize=(6.4, 4.6))
     titles = ("(a) what is there", "(b) what the sensor records", "(c) interpolated")
     for axis, picture, title in zip(axes.flat, cube["colour_picture"].values, titles, strict=False):
         axis.imshow(np.clip(picture, 0, 1), interpolation="none")
@@ -122,7 +111,7 @@ def mosaic(cube: xr.Dataset) -> Figure:
 
 def sharpness(cube: xr.Dataset) -> Figure:
     """Plot the nearest and farthest sharp depth against the focused distance."""
-    drawing, axes = style.subplots(figsize=(6.0, 3.6), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.0, 3.6))
     d = cube["distance"].values * 1000
     top = 2 * d.max()
     parts = list(iterate_slices(cube.sortby("f_number", ascending=False), "f_number"))
@@ -144,20 +133,17 @@ def sharpness(cube: xr.Dataset) -> Figure:
 
 def stereo(cube: xr.Dataset) -> Figure:
     """Plot the depth error of two parallel cameras against distance."""
-    drawing, axes = style.subplots(figsize=(6.0, 3.8), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.0, 3.8))
     d, some = cube["distance"].values * 1000, slice(None, None, DRAWN_DEPTH_STEP)
     inks = style.ordered_colors(cube.sizes["baseline"])
     for part, ink in zip(iterate_slices(cube, "baseline"), inks, strict=True):
-        fine, law, drawn = (
-            part[name].values * 1000
-            for name in ("depth_error", "rounding_depth_error", "rounded_depth_error")
-        )
-        axes.plot(d, fine, color=ink, lw=1.4, label=f"b = {1000 * float(part['baseline']):g} mm")
-        axes.plot(d, law, color=ink, lw=1, ls="--")
-        axes.plot(d[some], drawn[some], "o", color=ink, ms=3)
-    drawn_style = {"ls": "none", "marker": "o", "ms": 3}
+        words, fine = f"b = {1000 * float(part['baseline']):g} mm", part["depth_error"] * 1000
+        axes.plot(d, fine, color=ink, lw=1.4, label=words)
+        axes.plot(d, part["rounding_depth_error"] * 1000, color=ink, lw=1, ls="--")
+        axes.plot(d[some], part["rounded_depth_error"][some] * 1000, "o", color=ink, ms=3)
+    drawn = {"ls": "none", "marker": "o", "ms": 3}
     kinds = {"fine centres": {}, "whole pixels, first order": {"ls": "--"}}
-    style.name_styles(axes, {**kinds, "whole pixels, drawn": drawn_style})
+    style.name_styles(axes, {**kinds, "whole pixels, drawn": drawn})
     _label_distances(axes, d)
     style.make_logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
     axes.set(ylabel="error of the depth in mm")
@@ -173,8 +159,7 @@ def _label_distances(axes: Axes, d: Array, label: str = "distance d in mm") -> N
 def choose_lens(cube: xr.Dataset) -> dict[str, Any]:
     """Return the cube at the focal length that is nearest to the book's."""
     book = json.loads(cube.attrs["parameters"])["focal_length_mm"] / 1000
-    nearest = int(np.argmin(np.abs(cube["focal_length"].values - book)))  # in any order
-    return {"lens": cube.isel(focal_length=nearest)}
+    return {"lens": cube.isel(focal_length=int(abs(cube["focal_length"] - book).argmin()))}
 
 
 def normal_lens(cube: xr.Dataset) -> dict[str, Any]:
@@ -210,8 +195,7 @@ def pixel_flows() -> list[tuple[int, int, float]]:
     widths = setups.setup_table("beam", "resolution")["widths_px"]
     rate = setups.setup_table("experiment", "rig")["frame_rate_hz"]
     counts = {width: width * picture_height(width, 16, 9) for width in widths}
-    most = max(counts.values())
-    return [(width, number, rate * most / number) for width, number in counts.items()]
+    return [(w, number, rate * max(counts.values()) / number) for w, number in counts.items()]
 
 
 TEXTS = {

@@ -15,14 +15,13 @@ import xarray as xr
 from IPython.display import Markdown
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import IntArray
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible_planes, turn_summary
 from thesis_lib.ledger import verdicts
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
-from thesis_lib.plotting.style import bar_beside, draw_map, ordered_colors, place_panels, subplots
+from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes, schema
 from thesis_lib.templates import render
 from thesis_lib.vibration.finite_elements import plate_modes
@@ -104,30 +103,24 @@ SIZES_MM = (40.0, 20.0, 10.0)
 def compare_frequencies(cube: xr.Dataset) -> dict[str, Any]:
     """Compare frequencies with those of the thesis's plate, and list the markers' mean motion."""
     asked = camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
-    structure, plate = asked.structure, setups.thesis_plate()
-    highest = max(cube["mode"].values.tolist())
-    rectangle = plate.angular_frequencies(highest) / (2 * np.pi)
+    modes, plate = cube["mode"].values.tolist(), setups.thesis_plate()
+    rectangle = plate.angular_frequencies(max(modes)) / (2 * np.pi)
     rows = [
         {
             "mode": mode,
-            "frequency": cube["frequency"].values[m],
+            "frequency": float(one["frequency"]),
             "rectangle": rectangle[mode - 1],
-            "peak": structure.shape_peak(mode),
-            "mean": _mean_deflection(cube, m),
+            "peak": asked.structure.shape_peak(mode),
+            "mean": _mean_deflection(one),
         }
-        for m, mode in enumerate(cube["mode"].values.tolist())
+        for mode, one in zip(modes, cubes.iterate_slices(cube, "mode"), strict=True)
     ]
     return {"rows": rows, "markers": cube.sizes["point"]}
 
 
-def _rms_of_trials(cube: xr.Dataset) -> Array:
-    """Return the rms over the trials of the mean errors (settings, modes) in %."""
-    return np.asarray(np.sqrt(np.mean(cube["mean_error"].values[..., 1:] ** 2, axis=-1)))
-
-
-def _mean_deflection(cube: xr.Dataset, mode: int) -> float:
-    """Return the mean deflection of the markers in a mode in % of the largest."""
-    moved = np.abs(cube["reference_deflection"].values[mode])
+def _mean_deflection(one: xr.Dataset) -> float:
+    """Return the mean deflection of the markers in one mode in % of the largest."""
+    moved = np.abs(one["reference_deflection"].values)
     return float(100 * np.mean(moved) / np.max(moved))
 
 
@@ -153,7 +146,7 @@ def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> 
     one, other = _partners(part)
     size = np.abs(part["measured_deflection"].isel(trial=0).values)
     off = np.log(part["mean_error"].values / part["predicted_error"].values[..., None])
-    rms = [_rms_of_trials(c) for c in (part, whole)]
+    rms = [selection.trial_rms(c["mean_error"]).values for c in (part, whole)]
     law = part["predicted_error"].values / whole["predicted_error"].values
     return Symmetry(
         float(np.mean(np.abs(size[..., one] - size[..., other]) < MAX_ROUNDING_M)),
@@ -167,10 +160,9 @@ def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> 
 def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
     """Return the indices of markers at x < 0 and their partners at −x, from the middle."""
     half = np.array(schema.structure_extent(cube)) / 2
-    x, y = (cube[axis].values - h for axis, h in zip(("x", "y"), half, strict=True))
-    one, other = np.nonzero(
-        (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9) & (x[:, None] < -1e-9)
-    )
+    x, y = (cube[axis].values - h for axis, h in zip("xy", half, strict=True))
+    mirrored = (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9)
+    one, other = np.nonzero(mirrored & (x[:, None] < -1e-9))
     return one, other
 
 
@@ -187,18 +179,19 @@ def compare_accuracy(opened: Mapping[str, xr.Dataset]) -> str:
     """Compare errors of the shapes with those of the rectangle, and with the law, by mode."""
     plate, rows = opened[PLATE_SET], []
     for name, word in list(SHAPE_NAMES.items())[1:]:
-        both = opened[name], plate
-        rms = [_rms_of_trials(c) for c in both]
-        laws = [c["predicted_error"].values for c in both]
-        for m, mode in enumerate(both[0]["mode"].values.tolist()):
-            ratio, off = rms[0][:, m] / rms[1][:, m], rms[0][:, m] / laws[0][:, m] - 1
+        for both in zip(
+            *(cubes.iterate_slices(c, "mode") for c in (opened[name], plate)), strict=True
+        ):
+            rms = [selection.trial_rms(c["mean_error"]).values for c in both]
+            laws = [c["predicted_error"].values for c in both]
+            ratio, off = rms[0] / rms[1], rms[0] / laws[0] - 1
             rows.append(
                 {
                     "shape": word,
-                    "mode": mode,
-                    "mean": [_mean_deflection(cube, m) for cube in both],
+                    "mode": both[0]["mode"].item(),
+                    "mean": [_mean_deflection(one) for one in both],
                     "ratio": np.median(ratio),
-                    "law": np.median(laws[0][:, m] / laws[1][:, m]),
+                    "law": np.median(laws[0] / laws[1]),
                     "ratios": (ratio.min(), ratio.max()),
                     "off": (100 * off.min(), 100 * off.max()),
                 }
@@ -210,14 +203,12 @@ def compare_convergence(_: Mapping[str, xr.Dataset]) -> str:
     """Compare the rectangle by finite elements with its closed form, and show the order."""
     plate = setups.thesis_plate()
     outline = ((0.0, 0.0), (plate.length, 0.0), plate.extent, (0.0, plate.width))
-    exact = plate.angular_frequencies(3)
-    off = []
+    ratio, off = plate.bending_stiffness / plate.mass_per_area, []
     for size in SIZES_MM:
         mesh = mesh_outline(outline, (), size / 1000)
         edge = mesh.boundary_facets()
         found = plate_modes(mesh, edge[:0], edge, plate.poisson, 3)
-        ratio = plate.bending_stiffness / plate.mass_per_area
-        off.append(1 - np.sqrt(found.eigenvalues * ratio) / exact)
+        off.append(1 - np.sqrt(found.eigenvalues * ratio) / plate.angular_frequencies(3))
     orders = np.polyfit(np.log(SIZES_MM), np.log(np.array(off)), 1)[0]
     return render(__file__, "convergence", sizes=SIZES_MM, errors=off, orders=orders)
 
@@ -240,91 +231,81 @@ def turn(cube: xr.Dataset) -> Figure:
     """Plot field errors against the turn: lines by the law, dots simulated."""
     pairs = audible_planes(cube)
     size, how = (2.1 * len(pairs) + 1, 3.1), {"squeeze": False, "sharey": True}
-    drawing, axes = subplots(1, len(pairs), figsize=size, layout="constrained", **how)
+    drawing, axes = style.subplots(1, len(pairs), figsize=size, **how)
     for panel, (mode, plane) in zip(axes[0], pairs, strict=True):
         one = cube.sel(mode=mode, plane=plane)
-        inks = ordered_colors(cube.sizes["elevation"])
+        inks = style.ordered_colors(cube.sizes["elevation"])
         for part, ink in zip(cubes.iterate_slices(one, "elevation"), inks, strict=True):
             law, words = part["turned_law_error"], f"elevation {part['elevation'].item():g}°"
             panel.plot(cube["law_turn"], law, color=ink, lw=1, label=words)
             panel.plot(cube["turn"], part["turned_simulated"], "o", color=ink, ms=4)
         panel.set(title=f"mode {mode}, {plane}", xlabel="turned by, °")
     axes[0, 0].set(ylabel="field error, %", ylim=(0, None))
-    once = axes[0, 0].get_legend_handles_labels()
-    drawing.legend(*once, loc="outside lower center", ncols=4, fontsize=7)
+    style.legend_below(drawing, axes[0, 0], 4)
     return drawing
 
 
 def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, ideal shape, best and worst measured shape, and bars."""
-    part = select_settings(cube, case, mode)
-    chosen = best_and_worst(part)
-    drawing, axes = place_panels(
-        "abb;cde", (8.2, 5.6), (0.6, 0.85, 0.5, 0.3), (0.75, 0.75), (1.5, 1)
-    )
+    part = selection.select_settings(cube, case, mode)
+    edges, gaps = (0.6, 0.85, 0.5, 0.3), (0.75, 0.75)
+    drawing, axes = style.place_panels("abb;cde", (8.2, 5.6), edges, gaps, (1.5, 1))
     figures.setup_panel(axes["a"], cube, part)
-    figures.bar_panel(axes["b"], part, [error_bars(cube, case, mode)])
+    figures.bar_panel(axes["b"], part, [selection.error_bars(cube, case, mode)])
     axes["b"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
-    reference = part["reference_deflection"].values * 1000
-    shapes = [("(b) ideal", reference)]
-    for index, word in zip((chosen[0], chosen[-1]), rank_settings(part), strict=True):
-        measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
-        shapes.append((f"(c) {word}: {part['label'].values[index]}", measured))
-    limit = max(float(np.max(np.abs(values))) for _, values in shapes)
-    picture: Any = None
     x, y, place = schema.marker_cells(cube)
     x, y, middle = 1000 * x, 1000 * y, np.array(schema.structure_extent(cube)) / 2
-    for name, (title, values) in zip("cde", shapes, strict=True):
-        cells = schema.fill_cells(values, place, len(x) * len(y)).reshape(len(y), len(x))
-        picture = draw_map(axes[name], cells, x, y, limit)
+    shapes = [("(b) ideal", part["reference_deflection"].values * 1000)]
+    for one, word, _ in selection.rank_settings(part):
+        measured = one["measured_deflection"].isel(trial=0).values * 1000
+        shapes.append((f"(c) {word}: {one['label'].item()}", measured))
+    limit = max(float(np.max(np.abs(values))) for _, values in shapes)
+    maps = [
+        (title, schema.fill_cells(values, place, x.size * y.size).reshape(y.size, x.size), limit)
+        for title, values in shapes
+    ]
+    row = [axes[name] for name in "cde"]
+    pictures = style.draw_maps(row, maps, x, y, "xy")
+    for panel in row:
         if schema.structure_kind(cube) == "panel":
             for curve in schema.structure_contours(cube):
-                axes[name].fill(*(1000 * (curve + middle)).T, fill=False, edgecolor="#444444")
-        axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", ms=1.2)
-        axes[name].set(title=title, xlabel="x in mm")
-    axes["c"].set_ylabel("y in mm")
-    bar_beside(axes["e"], picture, "w in mm")
+                panel.fill(*(1000 * (curve + middle)).T, fill=False, edgecolor=style.INK_COLOR)
+        panel.plot(part["x"] * 1000, part["y"] * 1000, ".", color=style.INK_COLOR, ms=1.2)
+    style.bar_beside(axes["e"], pictures[0], "w in mm")
     return drawing
 
 
 def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, bars of both planes, and on both the ideal field, best and worst error."""
-    part = select_settings(cube, case, mode)
-    drawing, axes = place_panels(
-        "abb;cde;fgh", (8.2, 8.0), (0.6, 0.75, 0.5, 0.3), (0.95, 0.8), (1.6, 1, 1)
-    )
+    part = selection.select_settings(cube, case, mode)
+    edges, gaps = (0.6, 0.75, 0.5, 0.3), (0.95, 0.8)
+    drawing, axes = style.place_panels("abb;cde;fgh", (8.2, 8.0), edges, gaps, (1.6, 1, 1))
     figures.setup_panel(axes["a"], cube, part)
-    bars = [error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
+    bars = [selection.error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
     figures.bar_panel(axes["b"], part, bars)
     axes["b"].set(title="(d) rms error of the field", ylabel="% of the largest pressure")
     u, z = cube["u"].values * 1000, cube["z"].values * 1000
-    c = cube["case_name"].values.tolist().index(case)
-    measured = cube["pressure_measured_real"].isel(case=c).sel(mode=mode)
+    of = {"case": cube["case_name"].values.tolist().index(case)}
     first = int(np.flatnonzero(cube["case"].values == case)[0])
-    best, worst = (
-        part["label"].values[int(i) - first]
-        for i in cube["best_and_worst"].isel(case=c).sel(mode=mode).values
-    )
-    nodal = part["independent_ratio"].isnull()
+    ends = part["best_and_worst"].isel(of).values.astype(int) - first
+    names = part["label"].values[ends]
     ideal = part["pressure_reference_real"]
     loudest = float(abs(ideal).max())
     scale, unit = (1000, "kPa") if loudest >= 1000 else (1, "Pa")
     for letter, row, plane in zip("bc", ("cde", "fgh"), ("XZ", "YZ"), strict=True):
-        silent = bool(nodal.sel(plane=plane))
-        true = ideal.sel(plane=plane)
-        wrong = measured.sel(plane=plane) - true
-        of_true = loudest if silent else float(abs(true).max())
-        fields = (
-            (f"({letter}) {plane}, ideal{' (nodal)' if silent else ''}", true, of_true),
-            (f"error, best shape:\n{best}", wrong.sel(extreme="best"), float(abs(wrong).max())),
-            (f"error, worst shape:\n{worst}", wrong.sel(extreme="worst"), float(abs(wrong).max())),
+        silent, true = (
+            bool(part["independent_ratio"].isnull().sel(plane=plane)),
+            ideal.sel(plane=plane),
         )
-        pictures = []
-        for name, (title, values, limit) in zip(row, fields, strict=True):
-            of = scale if values is true else 1
-            pictures.append(draw_map(axes[name], values.values.T / of, u, z, limit / of))
-            axes[name].set(title=title, xlabel=f"{plane[0]} in mm")
-        axes[row[0]].set_ylabel("Z in mm")
-        bar_beside(axes[row[0]], pictures[0], f"Re p in {unit}")
-        bar_beside(axes[row[2]], pictures[2], "error in Pa")
+        wrong = (part["pressure_measured_real"].isel(of).sel(plane=plane) - true).values
+        limit = float(np.abs(wrong).max())
+        top = loudest if silent else float(abs(true).max())
+        title = f"({letter}) {plane}, ideal{' (nodal)' if silent else ''}"
+        maps = [(title, true.values.T / scale, top / scale)]
+        for name, word, error in zip(names, ("best", "worst"), wrong, strict=True):
+            maps.append((f"error, {word} shape:\n{name}", error.T, limit))
+        panels = [axes[name] for name in row]
+        pictures = style.draw_maps(panels, maps, u, z, (plane[0], "Z"))
+        style.bar_beside(panels[0], pictures[0], f"Re p in {unit}")
+        style.bar_beside(panels[2], pictures[2], "error in Pa")
     return drawing

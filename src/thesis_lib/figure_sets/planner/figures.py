@@ -130,12 +130,15 @@ def compare_sound(cube: xr.Dataset) -> dict[str, Any]:
     """Compare layouts planned for the shape and for the sound by their errors of both."""
     rows = []
     for one in iterate_slices(cube, "count"):
-        field, simulated = (
-            one[name].max("mode").values for name in ("sound_error", "sound_simulated")
+        field, simulated = (one[f"sound_{k}"].max("mode").values for k in ("error", "simulated"))
+        rows.append(
+            {
+                "count": one["count"],
+                "fields": list(zip(field, simulated, strict=True)),
+                "change": field[1] / field[0] - 1,
+                "shapes": one["sound_shape_error"].values,
+            }
         )
-        fields, change = list(zip(field, simulated, strict=True)), field[1] / field[0] - 1
-        row = {"count": one["count"], "fields": fields, "change": change}
-        rows.append(row | {"shapes": one["sound_shape_error"].values})
     return {"rows": rows}
 
 
@@ -165,12 +168,9 @@ def show_layouts(cube: xr.Dataset) -> HTML:
     return HTML(plan_report.layout_view(plans))
 
 
-__all__ = ["TEXTS", "front", "gain", "layouts"]
-
-
 def gain(cube: xr.Dataset) -> Figure:
     """Plot errors of the thesis's layouts and of planned ones against the number of cameras."""
-    drawing, axes = style.subplots(1, 2, figsize=(7.4, 3.8), layout="constrained")
+    drawing, axes = style.subplots(1, 2, figsize=(7.4, 3.8))
     n, tilt = cube["count"].values, table_parameter(cube, "tilt_deg")
     for panel, (body, question) in zip(axes, figure_set.THESIS_QUESTIONS.items(), strict=True):
         of_cases = iterate_slices(cube["thesis_expected"].sel(structure=body), "thesis_case")
@@ -185,21 +185,18 @@ def gain(cube: xr.Dataset) -> Figure:
         panel.plot(n, read, "s-", color=style.REFERENCE_COLOR, label=tilted, ms=4)
         style.log_axes(panel, n.tolist(), [2, 5, 10, 20, 50])
         panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
-    once = axes[1].get_legend_handles_labels()
-    drawing.legend(*once, loc="outside lower center", ncols=5, fontsize=7)
+    style.legend_below(drawing, axes[1], 5)
     return drawing
 
 
 def layouts(cube: xr.Dataset) -> Figure:
     """Draw planned layouts of some questions from a corner and from above."""
     shown = [str(q) for q in cube["question"].values if "read" not in str(q)]
-    across = 3
-    rows = -(-len(shown) // across)
-    size = (7.6, 3.6 * rows)
-    drawing, grid = style.subplots(
-        2 * rows, across, figsize=size, layout="constrained", squeeze=False
-    )
-    columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
+    rows = -(-len(shown) // 3)
+    drawing, grid = style.subplots(2 * rows, 3, figsize=(7.6, 3.6 * rows), squeeze=False)
+    columns = (
+        grid.reshape(rows, 2, 3).swapaxes(1, 2).reshape(-1, 2)
+    )  # two panels, question by question
     for column, question in zip(columns, shown, strict=False):
         at = nearest_option(cube, question, SHOWN_CAMERAS)
         part = cube.sel(question=question).isel(option=at)
@@ -209,9 +206,8 @@ def layouts(cube: xr.Dataset) -> Figure:
                 _draw_wall(panel, part, figure_set.BLOCKED_QUESTIONS[question], azimuth, elevation)
         column[0].set_title(question)
         column[1].set_gid(f"{style.BELOW_PANEL}-{question}")
-    for column in columns[len(shown) :]:
-        for panel in column:
-            panel.axis("off")
+    for spare in columns[len(shown) :].flat:
+        spare.axis("off")
     return drawing
 
 
@@ -226,17 +222,15 @@ def _draw_wall(
     corners = (across, along, up) if obstacle == "machine" else (along, across, up)
     face = plan_report.flatten_points(np.stack(corners, axis=1), azimuth, elevation)
     panel.fill(*face.T, color=style.HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
-    panel.annotate(
-        obstacle, face[1], color=style.HIGHLIGHT_COLOR, fontsize=8, ha="center", va="top"
-    )
+    where: Any = {"fontsize": 8, "ha": "center", "va": "top"}
+    panel.annotate(obstacle, face[1], color=style.HIGHLIGHT_COLOR, **where)
 
 
 def front(cube: xr.Dataset) -> Figure:
     """Plot the error against cost for one question."""
-    drawing, panel = style.subplots(figsize=(7.2, 3.8), layout="constrained")
-    one = cube.sel(question=FRONT_QUESTION)
-    found, target = np.isfinite(one["cost"].values), table_parameter(cube, "target_percent")
-    best = cheapest_option(one, target)
+    drawing, panel = style.subplots(figsize=(7.2, 3.8))
+    one, target = cube.sel(question=FRONT_QUESTION), table_parameter(cube, "target_percent")
+    found, best = np.isfinite(one["cost"].values), cheapest_option(one, target)
     chosen = 0 if best is None else int(np.sum(found[:best]))
     one = one.isel(option=found).assign(chosen=chosen)
     plan_report.front_panel(panel, one, None if best is None else target)
