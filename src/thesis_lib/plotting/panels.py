@@ -177,8 +177,7 @@ def camera_centres(setting: xr.Dataset) -> Array:
     """Return the camera centres of one setting in m, shape (cameras, 3)."""
     azimuth, elevation = (np.radians(setting[f"camera_{a}"]) for a in ("azimuth", "elevation"))
     places = hemisphere_directions(azimuth, elevation) * setting["camera_distance"].values[:, None]
-    kept: Array = places[np.isfinite(places[:, 0])]
-    return kept
+    return np.asarray(places[np.isfinite(places[:, 0])])
 
 
 def _view(points: ArrayLike) -> Array:

@@ -73,9 +73,9 @@ def claimed_errors(
         for claim in claims_of(cube.attrs["figure_set"])
         if (claim.case, claim.mode, claim.quantity) == (case, mode, quantity)
     ]
+    claims.sort(key=lambda claim: not claim.values)  # first those about single settings
     return [
-        next((c for c in claims if value in c.values), None)
-        or next((c for c in claims if not c.values), None)
+        next((claim for claim in claims if not claim.values or value in claim.values), None)
         for value in cube["value"].values[cube["case"].values == case]
     ]
 
@@ -170,34 +170,25 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
 
 def _drawn_values(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
     """Yield the values of one variable of a case and mode, if a figure shows them."""
-    values = part[name]
-    if "trial" in values.dims:
-        values = values.isel(trial=0)
-    of_tables = name in {v for v, _ in cubes.ERROR_VARIABLES.values()} or name.startswith(
-        "predicted_"
-    )
-    if values.dtype.kind != "f" or of_tables:
+    values = part[name].isel(trial=0, missing_dims="ignore")
+    tabulated = {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
+    if values.dtype.kind != "f" or name in tabulated or name.startswith("predicted_"):
         return
-    unit, labels = str(values.attrs.get("units", "1")), part["label"].values.astype(str)
+    about = {"quantity": name, "unit": str(values.attrs.get("units", "1"))}
+    array, labels, shown = values.values, part["label"].values.astype(str), []
     if values.dims == ("setting",):
-        for label, value in zip(labels, values.values, strict=True):
-            if np.isfinite(value):
-                yield {"quantity": name, "setting": label, "value": value, "unit": unit}
-    if values.dims == ("point",):
-        yield from _points(part, name, values.values, unit, "")
-    if values.dims == ("setting", "point"):
-        for index in dict.fromkeys(best_and_worst(part)):
-            yield from _points(part, name, values.values[index], unit, labels[index])
-
-
-def _points(
-    part: xr.Dataset, name: str, values: Any, unit: str, setting: str
-) -> Iterator[dict[str, Any]]:
-    places = {f"{a}_mm": part[a].values * 1000 for a in ("x", "y") if a in part}
-    for point in np.flatnonzero(np.isfinite(values)):
-        here = {axis: place[point] for axis, place in places.items()}
-        here |= {"quantity": name, "setting": setting, "unit": unit}
-        yield here | {"point": point + 1, "value": values[point]}
+        known = np.isfinite(array)
+        for label, value in zip(labels[known], array[known], strict=True):
+            yield {**about, "setting": label, "value": value}
+    elif values.dims == ("point",):
+        shown = [("", array)]
+    elif values.dims == ("setting", "point"):
+        shown = [(labels[index], array[index]) for index in best_and_worst(part)]
+    places = {f"{a}_mm": part[a].values * 1000 for a in "xy" if a in part}
+    for label, own in shown:
+        for point in np.flatnonzero(np.isfinite(own)):
+            here = {axis: place[point] for axis, place in places.items()}
+            yield {**about, "setting": label, **here, "point": point + 1, "value": own[point]}
 
 
 def as_csv(table: pd.DataFrame) -> str:
@@ -267,10 +258,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
             for case, title in cases.items()
         ],
     }
-    if kind == "sound":
-        _add_fields(data, cube)
-    else:
-        _add_shapes(data, cube)
+    (_add_fields if kind == "sound" else _add_shapes)(data, cube)
     asked = json.loads(said["parameters"])
     if kind != "sound" and asked.keys() >= set(LENS_FIELDS):
         data["lens"] = {name: asked[name] for name in LENS_FIELDS}
@@ -331,16 +319,11 @@ def _settings(
 
 
 def _bar(bars: Bars, index: int) -> dict[str, Any]:
-    claim = bars.claims[index]
-    low, median, high = bars.band[:, index]
-    return {
-        "mean": _round_digits(bars.literal[index]),
-        "median": _round_digits(median),
-        "low": _round_digits(low),
-        "high": _round_digits(high),
-        "predicted": _round_digits(bars.predicted[index]),
-        "stated": list(claim.ends) if claim else None,
-    }
+    claim, (low, median, high) = bars.claims[index], bars.band[:, index]
+    values = {"mean": bars.literal[index], "median": median, "low": low, "high": high}
+    values["predicted"] = bars.predicted[index]
+    rounded = {name: _round_digits(value) for name, value in values.items()}
+    return {**rounded, "stated": list(claim.ends) if claim else None}
 
 
 def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
@@ -352,12 +335,11 @@ def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, A
 
 
 def _planes(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
-    planes = {
-        error.name: None if np.isnan(error.literal[index]) else _bar(error, index)
-        for error in bars.values()
-    }
     return {
-        "planes": planes,
+        "planes": {
+            error.name: None if np.isnan(error.literal[index]) else _bar(error, index)
+            for error in bars.values()
+        },
         "deflection": {"mean": _round_digits(result["deflection_error"].isel(trial=0))},
     }
 

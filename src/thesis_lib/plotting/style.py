@@ -20,7 +20,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
@@ -265,8 +265,8 @@ def make_logarithmic(axis: Axis, ticks: ArrayLike) -> None:
     """Make an axis logarithmic, with plain numbers at its ticks."""
     axes = axis.axes
     (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
-    axis.set_major_locator(FixedLocator(np.asarray(ticks, float)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_major_locator(FixedLocator(np.asarray(ticks, float).tolist()))
+    axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
 
 
@@ -329,11 +329,6 @@ def draw_curves(
     """Draw variables over `x`: each by its label, line and colour."""
     for name, (label, line, ink) in curves.items():
         axes.plot(x, part[name], line, color=ink, label=label, **style)
-
-
-def draw_errors(axes: Axes, x: Any, y: Any, error: Any, ink: str, size: float = 3) -> None:
-    """Draw values with error bars."""
-    axes.errorbar(x, y, error, fmt="o", color=ink, ms=size, lw=1)
 
 
 def name_styles(axes: Axes, styles: Mapping[str, Mapping[str, Any]]) -> None:

@@ -312,7 +312,7 @@ def _draw_from_above(axes: Axes, settings: list[setups.Setting]) -> None:
         axes.add_patch(rim)
     length = setups.thesis_beam().length * 500 / far
     axes.plot([-length, length], [0, 0], color=style.REFERENCE_COLOR, lw=3, solid_capstyle="butt")
-    first = {}  # setting in which a camera comes in
+    first: dict[tuple[float, ...], int] = {}  # by camera, the setting in which it comes in
     for i, setting in enumerate(settings):
         for direction in setting.directions_deg:
             first.setdefault((*direction, setting.distance_mm), i)

@@ -101,7 +101,8 @@ def _draw_plan(axes: Axes, centres: Array, looks: Array) -> None:
     _draw_cameras(axes, centres[[1, 0]], looks[[1, 0]])
     _draw_axes(axes, "YX")
     first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
-    _draw_angle(axes, *sorted([first, second]), (295, 0), f"α = {abs(first - second):.0f}°")
+    low, high = sorted([first, second])
+    _draw_angle(axes, low, high, (295, 0), f"α = {high - low:.0f}°")
     along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
     distance = np.mean(np.linalg.norm(centres, axis=0))
     slope = np.degrees(np.arctan(along[1] / along[0]))
@@ -161,7 +162,8 @@ def _draw_layout(axes: Axes, whole: bool) -> None:
         return
     first, second, third, fourth = places[0, :4]
     low, high = places[1, [row, 2 * row]]
-    right, line = fourth + 13, {"color": SKETCH_INK, "linewidth": 0.6}  # lines to the measures
+    line: Any = {"color": SKETCH_INK, "linewidth": 0.6}  # to the measures
+    right = fourth + 13
     for x in (first, second):
         axes.plot([x, x], [high, width + 9], **line)
     _draw_measure(axes, (first, width + 7), (second, width + 7), f"{second - first:g}")

@@ -42,9 +42,17 @@ DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground=style.BLACK_CO
 
 
 def _draw_photo(
-    axes: Axes, image: Image, box: Box | None = None, smooth: bool = False, scale: float = 1.0
+    axes: Axes,
+    image: Image,
+    box: Box | None = None,
+    smooth: bool = False,
+    scale: float = 1.0,
+    border: str = "",
 ) -> None:
-    """Draw an image in its own pixels, or a part of it; `scale` px of the axes are one."""
+    """Draw an image in its own pixels, or a part of it; `scale` px of the axes are one.
+
+    A `border` has the colour in which another panel shows where the part is.
+    """
     height, width = image.shape
     left, right, top, bottom = box or (0, width * scale, 0, height * scale)
     # Only what is shown is drawn: whole pixels around the box.
@@ -56,7 +64,7 @@ def _draw_photo(
     axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[])
     axes.grid(visible=False)
     for spine in axes.spines.values():
-        spine.set_visible(False)
+        spine.set(visible=bool(border), color=border or "none", linewidth=2)
 
 
 def _write_note(axes: Axes, place: Any, text: str, tint: str = "white", **look: Any) -> None:
@@ -70,12 +78,6 @@ def _draw_frame(axes: Axes, box: Box, tint: str) -> None:
     left, right, top, bottom = box
     size: Any = right - left, bottom - top
     axes.add_patch(Rectangle((left, top), *size, fill=False, edgecolor=tint, linewidth=1.3))
-
-
-def _colour_border(axes: Axes, tint: str) -> None:
-    """Draw a border in the colour of the part that the panel shows."""
-    for spine in axes.spines.values():
-        spine.set(visible=True, color=tint, linewidth=2)
 
 
 def _draw_crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
@@ -108,12 +110,10 @@ def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
 def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
-    figure, grid = style.subplots(
-        2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03),
-        gridspec_kw={"wspace": 0.01, "hspace": 0.01},
-    )  # fmt: skip
+    apart, height = {"wspace": 0.01, "hspace": 0.01}, (WIDTH_IN * 9 / 16 + 0.03) / 2
+    figure, grid = style.panel_grid(len(pictures), WIDTH_IN, height, gridspec_kw=apart)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)  # type: ignore[union-attr,call-arg]
-    for i, (axes, name) in enumerate(zip(grid.flat, figures.camera_letters(data), strict=False)):
+    for i, (axes, name) in enumerate(zip(grid, figures.camera_letters(data), strict=False)):
         _draw_photo(axes, pictures[i], smooth=True)
         scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
         row = scale * _rest_centres(data, i)[:, MARKERS.middle_row]
@@ -129,8 +129,7 @@ def draw_board(data: xr.Dataset) -> Figure:
     picture = data["picture_shot"].values
     corners = data["picture_corners"].transpose("axis", "corner").values
     shape = Board()
-    nx = shape.shape[0]
-    part = central_corners(shape)
+    nx, part = shape.shape[0], central_corners(shape)
     used = corners[:, part].reshape(2, -1, 6)
     rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
     limits, size = picture.shape[::-1], (WIDTH_IN, 0.436 * WIDTH_IN)
@@ -145,8 +144,8 @@ def draw_board(data: xr.Dataset) -> Figure:
         _write_note(left, first + 1.75 * (there - first), name)
     zoomed = corners[:, part[20]]
     _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, limits), style.GREEN)
-    _draw_photo(right, picture, _enclose_places(zoomed[:, None], 1.0, 10, limits))
-    _colour_border(right, style.GREEN)
+    near = _enclose_places(zoomed[:, None], 1.0, 10, limits)
+    _draw_photo(right, picture, near, border=style.GREEN)
     _draw_crosses(right, zoomed, style.SKY, 22)
     left.set_title("(a) one shot of camera A")
     right.set_title("(b) one corner, pixel by pixel")
@@ -166,10 +165,8 @@ def draw_outline(data: xr.Dataset) -> Figure:
         "tip": ([row - 3, row - 1, 3 * row - 3, 3 * row - 1], [1, 2], style.GREEN, "b"),
         "clamped end": ([0, 2, 2 * row, 2 * row + 2], [0, 3], style.PINK, "c"),
     }
-    figure, panels = style.make_mosaic(
-        [["all", "all"], ["tip", "clamped end"]],
-        figsize=(WIDTH_IN, 0.79 * WIDTH_IN), height_ratios=[1.45, 1],
-    )  # fmt: skip
+    size, names = (WIDTH_IN, 0.79 * WIDTH_IN), [["all", "all"], [*ends]]
+    figure, panels = style.make_mosaic(names, size, height_ratios=[1.45, 1])
     whole = panels["all"]
     _draw_photo(whole, picture, _enclose_places(corners, 2.15, 160, limits), smooth=True)
     whole.add_patch(Polygon(corners.T, fill=False, edgecolor=style.ORANGE, linewidth=1.2))
@@ -182,8 +179,7 @@ def draw_outline(data: xr.Dataset) -> Figure:
         places = np.column_stack([centres[:, some], corners[:, near]])
         box, axes = _enclose_places(places, 1.65, 14, limits), panels[name]
         _draw_frame(whole, box, tint)
-        _draw_photo(axes, picture, box)
-        _colour_border(axes, tint)
+        _draw_photo(axes, picture, box, border=tint)
         axes.add_patch(Polygon(corners.T, fill=False, edgecolor=style.ORANGE, linewidth=1.5))
         inside = (centres[0] > box[0]) & (centres[0] < box[1])
         _draw_crosses(axes, centres[:, inside], style.SKY, 6, rim=False)
@@ -194,33 +190,26 @@ def draw_outline(data: xr.Dataset) -> Figure:
 def draw_plane(data: xr.Dataset) -> Figure:
     """Draw the frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
     picture = data["picture_beam"].transpose("row_beam", "column_beam").values
-    origin = np.full((2, 1), tracker.THESIS_REACH_M)
     found = data["picture_matches"].transpose("axis", "match").values
-    grid, matches = (
-        tracker.THESIS_SCALE_PX_PER_M * (p + origin) for p in (MARKERS.positions, found)
-    )
+    scale = tracker.THESIS_SCALE_PX_PER_M
+    grid, matches = (scale * (p + tracker.THESIS_REACH_M) for p in (MARKERS.positions, found))
     places = tracker.assign_places(MARKERS.positions, found, tracker.gate_of(MARKERS))
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))
-    figure, axes = style.subplots(
-        3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN),
-        height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
-    )  # fmt: skip
+    heights = [size[1] / width for width in (size[0], box[1], box[1])]
+    figure, axes = style.subplots(3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN), height_ratios=heights)
     for panel, part in zip(axes, (None, box, box), strict=True):
-        _draw_photo(panel, picture, part, smooth=part is None)
+        _draw_photo(panel, picture, part, smooth=part is None, border=style.SKY if part else "")
         panel.invert_yaxis()  # y upwards: the beam as it is seen from above
     _draw_frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), style.SKY)
-    for panel in axes[1:]:
-        _colour_border(panel, style.SKY)
     _draw_crosses(axes[1], grid, style.PINK, 11, rim=False)
     large: Any = {"fillstyle": "none", "markersize": 15, "markeredgewidth": 2}
     small: Any = {"fillstyle": "none", "markersize": 6, "markeredgewidth": 1.2}
     axes[2].plot(*matches[:, taken], "o", color=style.GREEN, **large)
     axes[0].plot(*matches[:, ~taken], "s", color=style.RED, **small)
     axes[2].plot(*matches[:, ~taken], "s", color=style.RED, **large)
-    spare = int(np.count_nonzero(~taken))
-    axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {spare}")
+    axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {np.sum(~taken)}")
     axes[1].set_title(f"(b) clamped end, with the ideal grid of {grid.shape[1]} points")
     axes[2].set_title("(c) matches: circles belong to the grid, squares are spare")
     return figure
@@ -228,24 +217,23 @@ def draw_plane(data: xr.Dataset) -> Figure:
 
 def draw_centres(data: xr.Dataset) -> Figure:
     """Draw marker centres in the image at rest and at the maximum, at the tip (figure F.7)."""
-    moved_frame = int(data["picture_moved"].attrs["frame"])
-    row = MARKERS.columns
-    still, moved = _rest_centres(data), _rest_centres(data, frame=moved_frame)
+    frame, row = int(data["picture_moved"].attrs["frame"]), MARKERS.columns
     shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
+    still, moved = _rest_centres(data)[:, shown], _rest_centres(data, frame=frame)[:, shown]
     pictures = data["picture_first"].values, data["picture_moved"].values
-    both = np.column_stack([still[:, shown], moved[:, shown]])
+    both = np.column_stack([still, moved])
     box = _enclose_places(both, 2.5, 12, pictures[0].shape[::-1])
     figure, axes = style.subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN))
     for panel, picture in zip(axes, pictures, strict=True):
         _draw_photo(panel, picture, box)
-        _draw_crosses(panel, still[:, shown], style.SKY, 10)
-    _draw_crosses(axes[1], moved[:, shown], style.ORANGE, 10)
+        _draw_crosses(panel, still, style.SKY, 10)
+    _draw_crosses(axes[1], moved, style.ORANGE, 10)
     line = {"arrowstyle": "-", "color": style.ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
-    for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
+    for start, end in zip(still.T, moved.T, strict=True):
         axes[1].annotate("", end, start, arrowprops=line)
-    most = np.nanmax(np.abs(moved - still)[1, figures.TIP_MARKER])
+    tip = np.abs(moved - still)[1, shown == figures.TIP_MARKER].item()
     axes[0].set_title("(a) at rest")
-    axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")
+    axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {tip:.1f} px")
     return figure
 
 
@@ -258,11 +246,9 @@ def draw_widths(data: xr.Dataset) -> Figure:
     row, middle = MARKERS.columns, MARKERS.columns // 2
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
     box = _enclose_places(_rest_centres(data)[:, shown], 2.3, 16, full.shape[::-1])
-    every = sorted(data["width"].values.tolist())
-    rows = -(-len(every) // 2)
-    size = (WIDTH_IN, 0.245 * WIDTH_IN * rows)
-    figure, grid = style.subplots(rows, 2, figsize=size, squeeze=False)
-    for axes, width in zip(grid.flat, reversed(every), strict=False):
+    every = sorted(data["width"].values.tolist(), reverse=True)
+    figure, grid = style.panel_grid(len(every), WIDTH_IN, 0.245 * WIDTH_IN)
+    for axes, width in zip(grid, every, strict=False):
         small = follow.reduce_frame(full, width)
         if width == data.sizes["column_low"]:
             small = data["picture_low"].values
@@ -272,8 +258,6 @@ def draw_widths(data: xr.Dataset) -> Figure:
         if np.isfinite(at["wrong_share"]):
             text += f", {100 * float(at['wrong_share']):.0f} % wrong"
         axes.set_title(f"{width}×{small.shape[0]}: {text}", color=figures.SKETCH_INK)
-    for axes in grid.flat[len(every) :]:
-        axes.axis("off")
     return figure
 
 
@@ -296,8 +280,7 @@ WALK_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 def file_name(name: str) -> str:
     """Name a figure's file: WebP if it holds photographs, SVG otherwise."""
     # Those that are drawn in this module do.
-    kind = "webp" if WALK_FIGURES[name].__module__ == __name__ else "svg"
-    return f"lab-{name}.{kind}"
+    return f"lab-{name}.{'webp' if WALK_FIGURES[name].__module__ == __name__ else 'svg'}"
 
 
 def _encode_webp(figure: Figure) -> bytes:

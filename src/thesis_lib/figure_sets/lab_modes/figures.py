@@ -67,15 +67,22 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     part = cube.sel(mode=mode)
     n = part.sizes["frame_rate"]
     drawing = Figure(figsize=(7.6, 1.2 + 1.15 * max(n, 3)), layout="constrained")
-    left, right = drawing.subfigures(1, 2)
+    left, right = drawing.subfigures(1, 2, squeeze=False)[0]
     for r, axes in enumerate(np.atleast_1d(left.subplots(n, 1))):
         _spectrum_panel(axes, part.isel(frame_rate=r), r)
     left.axes[0].set_title("(a) share explained by a harmonic")
     left.axes[-1].set_xlabel("frequency in Hz, up to half of the frame rate")
     misfits, costs = right.subplots(2, 1)
-    _misfit_panel(misfits, part)
+    _mark_rates(misfits, part, "candidate_frequency", "misfit")
+    line: Any = {"color": style.BLACK_COLOR, "linewidth": 0.8}
+    misfits.axvline(float(part["frequency"]), linestyle="--", **line)
+    misfits.axhline(1, **line)
+    misfits.set(xlabel="frequency in Hz", ylabel="over what noise makes", yscale="log")
+    misfits.set_title("(b) disagreement of the cameras at each alias")
+    misfits.set_ylim(0.5, 20 * max(float(np.nanmax(part["misfit"].values)), MIN_DISAGREEMENT))
+    misfits.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")
     _mark_rates(costs, part, "cycles", "detuned_error")
-    line: Any = {"color": style.BLACK_COLOR, "linewidth": 1, "label": "loss of amplitude"}
+    line |= {"linewidth": 1, "label": "loss of amplitude"}
     costs.plot(part["cycles"], part["detuned_prediction"], **line)
     costs.set(title="(c) if the known frequency is wrong", ylim=(0, None), ylabel="mean error in %")
     costs.set_xlabel("error in periods per recording")
@@ -103,18 +110,6 @@ def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
     place: Any = {"textcoords": "offset points", "va": "bottom", "ha": "right" if right else "left"}
     axes.annotate(text, (shown, 1.0), (-3 if right else 3, 1), fontsize=7, color=ink, **place)
     axes.set(xlim=(0, rate / 2), ylim=(0, 1.25), yticks=[0, 1], ylabel=f"{rate:g} fps")
-
-
-def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
-    _mark_rates(axes, part, "candidate_frequency", "misfit")
-    axes.set_yscale("log")
-    axes.axvline(float(part["frequency"]), color=style.BLACK_COLOR, linewidth=0.8, linestyle="--")
-    axes.axhline(1, color=style.BLACK_COLOR, linewidth=0.8)
-    axes.set(title="(b) disagreement of the cameras at each alias")
-    axes.set(xlabel="frequency in Hz", ylabel="over what noise makes")
-    top = float(np.nanmax(part["misfit"].values))
-    axes.set_ylim(0.5, 20 * max(top, MIN_DISAGREEMENT))
-    axes.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")
 
 
 # What tables need besides the cube.

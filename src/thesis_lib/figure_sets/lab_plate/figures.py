@@ -48,9 +48,9 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         axes[name].set_ylim(top=axes[name].get_ylim()[1] / 1.25)  # the legend stands outside
     drawing.legend(*handles, loc="outside lower center", ncols=4)
     rows = _map_deflections(part), _map_fields(part, case)
-    for row, (maps, places, names, labels) in zip(("def", "ghi"), rows, strict=True):
+    for row, (maps, (x, y), names, labels) in zip(("def", "ghi"), rows, strict=True):
         panels = [axes[name] for name in row]
-        pictures = style.draw_maps(panels, maps, *places, names, fontsize=8)
+        pictures = style.draw_maps(panels, maps, x, y, names, fontsize=8)
         drawing.colorbar(pictures[0], ax=panels[0], shrink=0.8, label=labels[0])
         drawing.colorbar(pictures[1], ax=panels[1:], shrink=0.8, label=labels[1])
     return drawing

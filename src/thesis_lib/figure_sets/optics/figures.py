@@ -159,7 +159,9 @@ def _label_distances(axes: Axes, d: Array, label: str = "distance d in mm") -> N
 def choose_lens(cube: xr.Dataset) -> dict[str, Any]:
     """Return the cube at the focal length that is nearest to the book's."""
     book = json.loads(cube.attrs["parameters"])["focal_length_mm"] / 1000
-    return {"lens": cube.isel(focal_length=int(abs(cube["focal_length"] - book).argmin()))}
+    return {
+        "lens": cube.isel(focal_length=int(abs(cube["focal_length"] - book).argmin("focal_length")))
+    }
 
 
 def normal_lens(cube: xr.Dataset) -> dict[str, Any]:

@@ -15,7 +15,6 @@ import xarray as xr
 from IPython.display import Markdown
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import IntArray
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible_planes, turn_summary
@@ -143,7 +142,10 @@ def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> 
     """Compare cases of a cube with the same cases of the rectangle's cube."""
     rows, rows_ = (np.flatnonzero(np.isin(c["case"].values, cases)) for c in (cube, plate))
     part, whole = cube.isel(setting=rows), plate.isel(setting=rows_)
-    one, other = _partners(part)
+    half = np.array(schema.structure_extent(part)) / 2
+    x, y = (part[axis].values - h for axis, h in zip("xy", half, strict=True))  # from the middle
+    mirrored = (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9)
+    one, other = np.nonzero(mirrored & (x[:, None] < -1e-9))
     size = np.abs(part["measured_deflection"].isel(trial=0).values)
     off = np.log(part["mean_error"].values / part["predicted_error"].values[..., None])
     rms = [selection.trial_rms(c["mean_error"]).values for c in (part, whole)]
@@ -155,15 +157,6 @@ def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> 
         float(np.median(rms[0] / rms[1])),
         float(np.median(law)),
     )
-
-
-def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
-    """Return the indices of markers at x < 0 and their partners at −x, from the middle."""
-    half = np.array(schema.structure_extent(cube)) / 2
-    x, y = (cube[axis].values - h for axis, h in zip("xy", half, strict=True))
-    mirrored = (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9)
-    one, other = np.nonzero(mirrored & (x[:, None] < -1e-9))
-    return one, other
 
 
 def list_mirrors(opened: Mapping[str, xr.Dataset]) -> str:
