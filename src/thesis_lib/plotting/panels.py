@@ -35,37 +35,36 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
     the length of a bar means nothing.
     """
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
-    colors = style.ordered_colors(n_settings)
-    floor, top = _find_limits(groups)
+    (floor, top), black = _find_limits(groups), style.BLACK_COLOR
     silent = [bars.name for bars in groups if np.isnan(bars.literal).all()]
     for g, bars in enumerate(groups):
         if bars.name in silent:
             continue
         position = np.arange(n_settings) + (g - (len(groups) - 1) / 2) * width
         low, median, high = bars.band
-        look: dict[str, Any] = {"color": colors, "alpha": 0.4 if g else 0.75}
+        faint = {"alpha": 0.4 if g else 0.75}
+        look: dict[str, Any] = {"color": style.ordered_colors(n_settings), **faint}
         if floor:
             axes.scatter(position, bars.literal, 36, marker="s", **look)
         else:
             axes.bar(position, bars.literal, 0.9 * width, **look)
-        words, alone = bars.name or part.attrs["trial_0"], {"ls": "none", "marker": "s", "ms": 8}
-        style.name_styles(axes, {words: {"alpha": look["alpha"], **alone}})
+        alone = {"ls": "none", "marker": "s", "ms": 8, **faint}
+        style.name_styles(axes, {bars.name or part.attrs["trial_0"]: alone})
         if np.isfinite(median).all():  # there were trials
-            axes.vlines(position, low, high, color=style.BLACK_COLOR, lw=1.2)
+            axes.vlines(position, low, high, color=black, lw=1.2)
             words = f"5–95 % of {cubes.trials_are(part)}"
-            axes.plot([], [], "|", color=style.BLACK_COLOR, ms=10, mew=1.2, label=words)
-            axes.plot(position, median, "o", color=style.BLACK_COLOR, ms=4, label="median")
+            axes.plot([], [], "|", color=black, ms=10, mew=1.2, label=words)
+            axes.plot(position, median, "o", color=black, ms=4, label="median")
         words, size = f"{part.attrs['predicts']}, rms", 18 / len(groups)
-        axes.plot(position, bars.predicted, "_", color=style.BLACK_COLOR, ms=size, label=words)
+        axes.plot(position, bars.predicted, "_", color=black, ms=size, label=words)
         for at, claim in zip(position + 0.54 * width, bars.claims, strict=True):
             if claim:
                 _mark_claim(axes, at, claim, 0.3 * width)
-    partial = part["in_view"].values < 1
-    labels = zip(part["label"].values, partial, strict=True)
-    names = [label.replace(" cameras", "") + "*" * bool(cut) for label, cut in labels]
+    partial, labels = part["in_view"].values < 1, part["label"].values.astype(str)
+    names = np.strings.replace(labels, " cameras", "") + np.where(partial, "*", "")
     turn = 30 if n_settings > 4 and max(map(len, names)) > 4 else 0
     axes.set_xticks(np.arange(n_settings), names, fontsize=8, rotation=turn)
-    unit = "number of cameras" if part["label"].values[0].endswith("cameras") else ""
+    unit = "number of cameras" if labels[0].endswith("cameras") else ""
     cut = "* markers leave the sensor" if partial.any() else ""
     nodal = f"{' and '.join(silent)}: nodal plane" if silent else ""
     axes.set_xlabel("; ".join(filter(None, [unit, cut, nodal])))
@@ -84,24 +83,23 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
 
 def _mark_claim(axes: Axes, at: float, claim: Claim, reach: float) -> None:
     """Mark what the thesis states: a value or interval, or a bound and the side that it allows."""
-    least, most = claim.ends
-    look: dict[str, Any] = {"color": style.HIGHLIGHT_COLOR}
+    (least, most), ink = claim.ends, style.HIGHLIGHT_COLOR
     if least is None or most is None:
         marker = "v" if least is None else "^"
-        axes.plot([at - reach, at + reach], [claim.high] * 2, lw=1.2, **look)
-        axes.plot(at, claim.high, marker, ms=5, label="thesis, bound", **look)
-        return
-    axes.plot([at, at], [least, most], lw=1.2, **look)
-    axes.plot(at, (least + most) / 2, "D", mfc="white", ms=4, label="thesis", **look)
+        axes.plot([at - reach, at + reach], [claim.high] * 2, lw=1.2, color=ink)
+        axes.plot(at, claim.high, marker, ms=5, label="thesis, bound", color=ink)
+    else:
+        axes.plot([at, at], [least, most], lw=1.2, color=ink)
+        axes.plot(at, (least + most) / 2, "D", mfc="white", ms=4, label="thesis", color=ink)
 
 
 def _find_limits(groups: Sequence[selection.Bars]) -> tuple[float, float]:
     """Return the least error if an axis from 0 would hide it, else 0, and the largest, from 0.1."""
-    drawn = [np.ravel([bars.literal, bars.band[2]]) for bars in groups]
+    drawn = np.ravel([[bars.literal, bars.band[2]] for bars in groups])
     stated = [claim.high for bars in groups for claim in bars.claims if claim]
-    top = float(np.fmax.reduce(np.concatenate([*drawn, [0.1, *stated]])))
-    every = [np.ravel([bars.literal, bars.predicted, *bars.band]) for bars in groups]
-    least = float(np.fmin.reduce(np.concatenate(every)))
+    top = float(np.fmax.reduce([*drawn, 0.1, *stated]))
+    every = np.ravel([[bars.literal, bars.predicted, *bars.band] for bars in groups])
+    least = float(np.fmin.reduce(every))
     return (least if least > 0 and top > FAR_APART * least else 0.0), top
 
 
@@ -110,9 +108,8 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     axes.set_title(f"(a) setups: {cube.attrs['varied_label']} varied")
     cameras = [camera_centres(part.isel(setting=index)) for index in range(part.sizes["setting"])]
     radius = max(np.linalg.norm(c, axis=1).max() for c in cameras)
-    turn = np.linspace(0, 2 * np.pi, 181)
+    turn, arcs = np.linspace(0, 2 * np.pi, 181), np.linspace(0, np.pi, 91)
     circle = np.stack([np.sin(turn), np.cos(turn), 0 * turn], axis=1)
-    arcs = np.linspace(0, np.pi, 91)
     overhead = np.stack([np.cos(arcs), 0 * arcs, np.sin(arcs)], axis=1)
     for curve in (circle, overhead, overhead[:, [1, 0, 2]]):
         _draw(axes, radius * curve, color="#d0d0d0", lw=0.7)

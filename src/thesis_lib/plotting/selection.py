@@ -229,8 +229,9 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     if "measured_deflection" in cube:  # of many trials only the nominal run is drawn
         literal = cube["measured_deflection"].isel(trial=0, drop=True)
         cube = cube.assign(measured_deflection=literal)
-    if kind == "beam":
-        cube = _middle_row(cube)
+    if kind == "beam":  # one curve is drawn, along the middle row
+        rows = np.unique(cube["y"].values)
+        cube = cube.isel(point=np.flatnonzero(cube["y"].values == rows[len(rows) // 2]))
     length, width = schema.structure_extent(cube)
     cases = dict(zip(cube["case"].values.tolist(), cube["case_title"].values, strict=True))
     modes = cube["mode"].values.tolist()
@@ -277,12 +278,6 @@ def _in_cells(cube: xr.Dataset) -> xr.Dataset:
     columns, rows = np.tile(x, len(y)), np.repeat(y, len(x))
     rest = cube.drop_vars([*names, "x", "y"])
     return rest.assign(wide).assign_coords(x=("point", columns), y=("point", rows))
-
-
-def _middle_row(cube: xr.Dataset) -> xr.Dataset:
-    """Return the markers of a beam's middle row: the viewer draws one curve along it."""
-    rows = np.unique(cube["y"].values)
-    return cube.isel(point=np.flatnonzero(cube["y"].values == rows[len(rows) // 2]))
 
 
 def _figures(cube: xr.Dataset, case: str) -> dict[str, str]:

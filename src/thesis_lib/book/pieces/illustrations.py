@@ -316,9 +316,9 @@ def _draw_from_above(axes: Axes, settings: list[setups.Setting]) -> None:
     for i, setting in enumerate(settings):
         for direction in setting.directions_deg:
             first.setdefault((*direction, setting.distance_mm), i)
-    for (*direction, distance), i in first.items():
-        azimuth, elevation = np.radians(direction)
-        radius = np.cos(elevation) * distance / far
+    for place, i in first.items():
+        azimuth, elevation = np.radians(place[:2])
+        radius = np.cos(elevation) * place[2] / far
         x, y = radius * np.sin(azimuth), radius * np.cos(azimuth)
         axes.plot(x, y, "o", ms=4, color=style.cycle_color(i))
     axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), aspect="equal")

@@ -148,14 +148,12 @@ def count_totals(cube: xr.Dataset) -> dict[str, Any]:
     rows = []
     for chapter, kind, counted in product(ledger.THESIS_CHAPTERS, ledger.KIND_WORDS, (True, False)):
         part = [e for e in found if (e.chapter, e.kind, e.counted) == (chapter, kind, counted)]
-        words = {"chapter": chapter, "kind": ledger.KIND_WORDS[kind], "counted": counted}
-        rows.append({**words, "count": len(part), "verdicts": ledger.count_verdicts(part)})
+        if part:
+            words = {"chapter": chapter, "kind": ledger.KIND_WORDS[kind], "counted": counted}
+            rows.append({**words, "count": len(part), "verdicts": ledger.count_verdicts(part)})
     part = [entry for entry in found if entry.counted]
-    return {
-        "rows": [row for row in rows if row["count"]],
-        "every": {"count": len(part), "verdicts": ledger.count_verdicts(part)},
-        "verdicts": verdicts.VERDICTS,
-    }
+    every = {"count": len(part), "verdicts": ledger.count_verdicts(part)}
+    return {"rows": rows, "every": every, "verdicts": verdicts.VERDICTS}
 
 
 def compare_power(cube: xr.Dataset) -> dict[str, Any]:
@@ -271,13 +269,10 @@ def list_commands(cube: xr.Dataset) -> dict[str, Any]:
 def best_reading(cube: xr.Dataset) -> dict[str, Any]:
     """State whether an interpretation agrees better than the adopted one, beyond chance."""
     adopted, *others = rows = _interpretations(cube)
-    met = [row["met"].sum() for row in rows]
-    better = [
-        row["name"]
-        for row, number in zip(others, met[1:], strict=True)
-        if number > met[0] and row["chance"] < 0.05
-    ]
-    return {"adopted": adopted, "best": rows[int(np.argmax(met))], "better": better}
+    ahead = [row for row in others if row["met"].sum() > adopted["met"].sum()]
+    better = [row["name"] for row in ahead if row["chance"] < 0.05]
+    best = rows[int(np.argmax([row["met"].sum() for row in rows]))]
+    return {"adopted": adopted, "best": best, "better": better}
 
 
 TEXTS = {

@@ -139,9 +139,8 @@ def _plate(cube: xr.Dataset, mode: int) -> dict[str, Any]:
     part, columns = cube.sel(mode=mode), {}
     for name, word in ERROR_NAMES.items():
         values = cubes.cube_errors(part)[name].transpose("setting", "trial").values
-        if np.isnan(values[:, 0]).all():
-            continue
-        columns[word] = [_format_band(own, name == "power_error") for own in values]
+        if not np.isnan(values[:, 0]).all():
+            columns[word] = [_format_band(own, name == "power_error") for own in values]
     predicted = cubes.predicted_value(part, "mean_error").values
     columns["deflection"] = [
         f"{cell} · {cubes.percent_text(float(law))}"

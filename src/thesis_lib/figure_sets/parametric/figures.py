@@ -140,8 +140,8 @@ class Symmetry:
 
 def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symmetry:
     """Compare cases of a cube with the same cases of the rectangle's cube."""
-    rows, rows_ = (np.flatnonzero(np.isin(c["case"].values, cases)) for c in (cube, plate))
-    part, whole = cube.isel(setting=rows), plate.isel(setting=rows_)
+    chosen = [np.flatnonzero(np.isin(c["case"].values, cases)) for c in (cube, plate)]
+    part, whole = cube.isel(setting=chosen[0]), plate.isel(setting=chosen[1])
     half = np.array(schema.structure_extent(part)) / 2
     x, y = (part[axis].values - h for axis, h in zip("xy", half, strict=True))  # from the middle
     mirrored = (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9)

@@ -108,7 +108,5 @@ def _published_errors(name: str) -> list[list[Any]]:
     table = cubes.read_published(name)
     if table is None:
         return []
-    of_mean = table[table["error"] == "mean_error"]
     columns = ["case", "value", "pair_order", "mode", *cubes.STATISTIC_NAMES]
-    rows: list[list[Any]] = of_mean[columns].values.tolist()
-    return rows
+    return list(table.loc[table["error"] == "mean_error", columns].values.tolist())
