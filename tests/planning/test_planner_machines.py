@@ -57,12 +57,12 @@ def digits(monkeypatch):
             return call
 
         monkeypatch.setattr(errors, "image_jacobian", noisy(JACOBIAN))
-        monkeypatch.setattr(positions, "hemisphere_rotations", noisy(ROTATIONS))
+        monkeypatch.setattr(positions.pinhole, "hemisphere_rotations", noisy(ROTATIONS))
 
     return change
 
 
-JACOBIAN, ROTATIONS = errors.image_jacobian, positions.hemisphere_rotations
+JACOBIAN, ROTATIONS = errors.image_jacobian, positions.pinhole.hemisphere_rotations
 
 
 def layouts(scene, objective="mean"):
