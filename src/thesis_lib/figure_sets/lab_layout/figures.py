@@ -50,9 +50,9 @@ VARIED_NAMES = {
 
 def predict_errors(part: xr.Dataset) -> Array:
     """Return the rms over the trials of the rms error, (settings,), %; of trial 0 if alone."""
-    error = part["mean_error"].transpose("setting", "trial").values
-    drawn = error[:, 1:] if error.shape[1] > 1 else error
-    return np.asarray(np.sqrt(np.mean(drawn**2, axis=1)))
+    error = part["mean_error"].transpose("setting", "trial")
+    alone = error.sizes["trial"] == 1
+    return (error.isel(trial=0) if alone else selection.trial_rms(error)).values
 
 
 def law_ratios(part: xr.Dataset) -> Array:
