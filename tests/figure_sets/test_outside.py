@@ -27,7 +27,6 @@ def footprint(tmp_path, monkeypatch):
     for now, before in zip((registry.FIGURE_SETS, registry.STUDIES), known, strict=True):
         now.clear()
         now.update(before)
-    registry._LOADED_FOLDERS.clear()
     for name in [name for name in sys.modules if name.startswith("figure_set_")]:
         del sys.modules[name]
 
@@ -46,7 +45,7 @@ def test_a_cube_of_it_is_known_where_its_folder_is_named(footprint, tmp_path, mo
     page = (tmp_path / "out" / "footprint.html").read_text(encoding="utf-8")
     assert "image/svg+xml" in page
     assert f"thesis run {footprint}" in page
-    for known in (registry.FIGURE_SETS, registry.STUDIES, registry._LOADED_FOLDERS):
+    for known in (registry.FIGURE_SETS, registry.STUDIES):
         known.pop("footprint")
     monkeypatch.setenv(registry.SETS_VARIABLE, "")
     monkeypatch.chdir(tmp_path)

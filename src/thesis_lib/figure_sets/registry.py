@@ -73,7 +73,6 @@ def validate_request(name: str, values: Mapping[str, Any]) -> Study:
 
 
 SETS_VARIABLE = "THESIS_FIGURE_SETS"
-_LOADED_FOLDERS: dict[str, Path] = {}  # of the sets that were loaded, by name
 
 
 def load_sets(folder: Path) -> list[str]:
@@ -85,7 +84,7 @@ def load_sets(folder: Path) -> list[str]:
         In one line: the file, and what is wrong with it.
     """
     folder = folder.resolve()
-    if there := [name for name, place in _LOADED_FOLDERS.items() if place == folder]:
+    if there := [name for name, study in STUDIES.items() if study.folder == str(folder)]:
         return there
     file = folder / "figure_set.py"
     if not file.is_file():
@@ -110,14 +109,9 @@ def load_sets(folder: Path) -> list[str]:
         if not (notebook := folder / f"{name}.ipynb").is_file():
             raise ParameterError(f"{notebook} is missing; wanted: the notebook of {name}")
     for name, one in found.items():
-        FIGURE_SETS[name], STUDIES[name], _LOADED_FOLDERS[name] = one, one.request, folder
-        one.request.folder = str(folder)
-    os.environ[SETS_VARIABLE] = os.pathsep.join(dict.fromkeys([*_named_folders(), str(folder)]))
+        FIGURE_SETS[name], STUDIES[name], one.request.folder = one, one.request, str(folder)
+    os.environ[SETS_VARIABLE] = f"{os.environ.get(SETS_VARIABLE, '')}{os.pathsep}{folder}"
     return list(found)
-
-
-def _named_folders() -> list[str]:
-    return [one for one in os.environ.get(SETS_VARIABLE, "").split(os.pathsep) if one]
 
 
 def is_known(name: str, here: bool = False) -> bool:
@@ -127,12 +121,13 @@ def is_known(name: str, here: bool = False) -> bool:
     command executes code that merely lies where it is called.
     """
     if name not in FIGURE_SETS:
+        named = [one for one in os.environ.get(SETS_VARIABLE, "").split(os.pathsep) if one]
         own = [os.curdir] if here and Path("figure_set.py").is_file() else []
-        for folder in [*_named_folders(), *own]:
+        for folder in [*named, *own]:
             load_sets(Path(folder))
     return name in FIGURE_SETS
 
 
 def outside_notebook(name: str) -> Path | None:
     """Return the notebook of a set that was loaded from a folder; None of the book's own."""
-    return _LOADED_FOLDERS[name] / f"{name}.ipynb" if name in _LOADED_FOLDERS else None
+    return Path(folder, f"{name}.ipynb") if (folder := STUDIES[name].folder) else None
