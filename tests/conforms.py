@@ -6,7 +6,7 @@ A test takes the fixture `conforms` and names the kind of check::
     conforms.order(orders(errors), 2, atol=0.05)
     conforms.sampled(scatter / predicted, above=0.95, below=1.05)
 
-``pytest -m conforms --junitxml FILE.xml`` writes the worst value of each check.
+``pytest -m conforms --junitxml FILE.xml`` writes the outcome of each check.
 """
 
 import json
