@@ -29,7 +29,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def cube():
-    return small_cube("design-law")
+    return small_cube("design-law", trials=60)
 
 
 # Closed forms.
