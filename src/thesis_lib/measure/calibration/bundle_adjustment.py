@@ -47,9 +47,8 @@ class Network:
     @property
     def unknowns(self) -> int:
         """Return the number of unknowns, the lenses' included."""
-        return (POSE_UNKNOWNS + LENS_UNKNOWNS) * len(self.cameras) + POSE_UNKNOWNS * len(
-            self.rotations
-        )
+        cameras, boards = len(self.cameras), len(self.rotations)
+        return POSE_UNKNOWNS * (cameras + boards) + LENS_UNKNOWNS * cameras
 
 
 def without_boards(cameras: Sequence[Camera]) -> Network:

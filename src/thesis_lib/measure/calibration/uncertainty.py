@@ -19,7 +19,6 @@ effect differs from pose to pose: deviations grow in proportion to the bend, but
 times smaller than the errors.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,7 +47,6 @@ from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, co
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.studies.schema import label_values, read_variables, with_origin
 from thesis_lib.studies.storage import key_of, load_or_compute
-from thesis_lib.vision.pinhole import Camera
 
 # Shots that the jackknife needs: with fewer, a direction often has too little by chance
 MIN_JACKKNIFE_IMAGES = 5
@@ -92,11 +90,11 @@ def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment
     right = sides[:, free] * units
     gauge, _ = np.linalg.qr(gauge_directions(alone)[free] / units[:, None])
     widths = np.ones(LENS_UNKNOWNS * n)
-    changes = _changes_without_each(parts, right, gauge)
-    if changes is None:
+    rest = parts.sum(axis=0) + gauge @ gauge.T - parts  # without each image; the gauge stays still
+    if len(parts) < MIN_JACKKNIFE_IMAGES or np.linalg.eigvalsh(rest)[:, 0].min() < MIN_EIGENVALUE:
         covariance = own * _variance_factor(parts, right, gauge, adjustment.sigma)
     else:
-        changes, m = changes * units, len(changes)
+        changes, m = -np.linalg.solve(rest, right[..., None])[..., 0] * units, len(parts)
         covariance = np.zeros_like(own)
         covariance[np.ix_(free, free)] = (m - 1) / m * changes.T @ changes
         adjusted = int(free[-LENS_UNKNOWNS * n :].sum())
@@ -161,20 +159,6 @@ def _image_contributions(
     return matrices, sides
 
 
-def _changes_without_each(parts: Array, right: Array, gauge: Array) -> Array | None:
-    """Return the cameras' change without each image, (shots, unknowns); None if one is needed.
-
-    None also with fewer than :data:`MIN_JACKKNIFE_IMAGES`. The gauge's directions, orthonormal
-    here, are kept still.
-    """
-    if len(parts) < MIN_JACKKNIFE_IMAGES:
-        return None
-    rest = parts.sum(axis=0) + gauge @ gauge.T - parts
-    if np.linalg.eigvalsh(rest)[:, 0].min() < MIN_EIGENVALUE:
-        return None
-    return -np.linalg.solve(rest, right[..., None])[..., 0]
-
-
 def _widening_factors(parts: Array, gauge: Array, count: int) -> Array:
     """Return factors that widen the last unknowns' deviations, which rest on few images.
 
@@ -226,9 +210,16 @@ def jackknife_calibration(
         points, lenses = board.corners_in_images(corners), held
         together, single = calibration["reprojection_rms"], calibration["single_rms"].values
         apart = contradiction_ratio(float(together), single) > MAX_CONTRADICTION
-        if lenses is None and apart:  # lenses are then of each camera alone
-            lenses = _single_lens_covariance(corners, points, cameras_in(calibration))
-        full = adjust_bundle(corners, points, cameras_in(calibration), lenses=lenses is None)
+        rig = cameras_in(calibration)
+        if lenses is None and apart:  # lenses are then as each camera's own images determine them
+            blocks = []
+            for k, camera in enumerate(rig):
+                seen = np.isfinite(corners[k]).any(axis=(1, 2))
+                uv, X = corners[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
+                alone = jackknife_cameras(uv, X, adjust_bundle(uv, X, [camera]))
+                blocks.append(alone.covariance[POSE_UNKNOWNS:, POSE_UNKNOWNS:])
+            lenses = block_diag(*blocks)
+        full = adjust_bundle(corners, points, rig, lenses=lenses is None)
         cameras = jackknife_cameras(corners, points, full)
         if lenses is not None and np.isfinite(lenses).all():
             covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
@@ -248,17 +239,6 @@ def jackknife_calibration(
         compute,
         key_of([calibration.attrs["key"], held is not None and held.tolist()]),
     )
-
-
-def _single_lens_covariance(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
-    """Return covariance of the lenses, (8 n, 8 n), as each camera's own images determine them."""
-    blocks = []
-    for k, camera in enumerate(cameras):
-        seen = np.isfinite(corners[k]).any(axis=(1, 2))
-        own, of = corners[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
-        alone = jackknife_cameras(own, of, adjust_bundle(own, of, [camera]))
-        blocks.append(alone.covariance[POSE_UNKNOWNS:, POSE_UNKNOWNS:])
-    return block_diag(*blocks)
 
 
 def read_deviations(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:

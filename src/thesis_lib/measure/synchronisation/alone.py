@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import Array
 from thesis_lib.files import check_outputs, put_files, staging
-from thesis_lib.measure.recordings.audio import open_audio
+from thesis_lib.measure.recordings.audio import open_audio, read_audio
 from thesis_lib.measure.recordings.media_info import probe_media, start_of_film
 from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.synchronisation.audio import AudioSource
@@ -49,10 +48,12 @@ def _describe_starts(
                 "tell a standard error, and its clock"
             )
             continue
-        ppm, ppm_std = 1e6 * one.fast, 1e6 * one.drift_deviation
+        ppm, ppm_std, std = 1e6 * one.fast, 1e6 * one.drift_deviation, one.delay_deviation
+        unit, factor = ("s", 1.0) if std >= 1 else ("ms", 1e3) if std * 1e3 >= 1 else ("µs", 1e6)
         yield (
-            f"{name} starts {one.delay:+.{significant_decimals(one.delay_deviation)}f} s ± "
-            f"{format_seconds(one.delay_deviation)} after {names[0]}{frames}; its clock is fast by "
+            f"{name} starts {one.delay:+.{significant_decimals(std)}f} s ± "
+            f"{std * factor:.{significant_decimals(std * factor)}f} {unit} after "
+            f"{names[0]}{frames}; its clock is fast by "
             f"{ppm:+.{significant_decimals(ppm_std)}f} ± "
             f"{ppm_std:.{significant_decimals(ppm_std)}f} ppm"
         )
@@ -67,12 +68,6 @@ def _describe_starts(
 def significant_decimals(std: float) -> int:
     """Return how many decimals show two significant digits of a standard uncertainty."""
     return max(0, 1 - int(np.floor(np.log10(std))))
-
-
-def format_seconds(std: float) -> str:
-    """Write a standard uncertainty in s with two significant digits, in s, ms or µs."""
-    unit, factor = ("s", 1.0) if std >= 1 else ("ms", 1e3) if std * 1e3 >= 1 else ("µs", 1e6)
-    return f"{std * factor:.{significant_decimals(std * factor)}f} {unit}"
 
 
 def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
@@ -118,7 +113,11 @@ def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[st
     with in_style():
         figure, (top, low) = subplots(2, 1, figsize=(7.6, 5.2), layout="constrained")
         for k, video in enumerate(videos):
-            times, loud = _envelope(video)
+            sound, rate, start = read_audio(video)
+            step = max(len(sound) // ENVELOPE_POINTS, 1)  # the largest sound in each is drawn
+            loud = np.abs(sound[: len(sound) // step * step]).reshape(-1, step).max(axis=1)
+            times = start + (np.arange(len(loud)) + 0.5) * step / rate
+            loud = loud / max(float(loud.max()), 1e-12)
             if k:
                 times = times * (1 - np.nan_to_num(drifts[k - 1].drift)) + drifts[k - 1].delay
             top.fill_between(times, -k - 0.45 * loud, -k + 0.45 * loud, color=cycle_color(k), lw=0)
@@ -135,13 +134,3 @@ def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[st
         low.set(xlabel="time in s", ylabel="ms", title="windows: delay less that at the start")
         low.legend()
     return figure
-
-
-def _envelope(video: Path) -> tuple[Array, Array]:
-    """Return times in s and the largest sound about them, from 0 to 1."""
-    with open_audio(video) as audio:
-        sound, rate, start = np.concatenate(list(audio.blocks)), audio.rate, audio.start
-    step = max(len(sound) // ENVELOPE_POINTS, 1)
-    loud = np.abs(sound[: len(sound) // step * step]).reshape(-1, step).max(axis=1)
-    times = np.asarray(start + (np.arange(len(loud)) + 0.5) * step / rate, float)
-    return times, np.asarray(loud / max(float(loud.max()), 1e-12), float)

@@ -134,7 +134,10 @@ def drift_of(
         lags, c = matching.correlation_coefficient(one, two, 2 * most)
         whole = (lags >= 0) & (lags <= 2 * most)  # where the window is inside
         lags, c = lags[whole], c[whole]
-        for top in _tops(np.abs(c), MIN_CORRELATION_SIGMAS / np.sqrt(n)):
+        size, least = np.abs(c), MIN_CORRELATION_SIGMAS / np.sqrt(n)
+        inner = size[1:-1]  # of which the highest peaks above chance count
+        tops = 1 + np.flatnonzero((inner >= size[:-2]) & (inner > size[2:]) & (inner >= least))
+        for top in tops[np.argsort(size[tops])[::-1][:PEAKS_PER_WINDOW]]:
             here = low + int(lags[top]) + _vertex(np.sign(c[top]) * c, top)
             own = starts[0] + here / rate - (starts[1] + first / rate)
             peaks.append((len(times), own, float(c[top])))
@@ -151,14 +154,6 @@ def drift_of(
         agreement=len(on) / len(np.unique(window)),
         score=float(weights.sum() / np.sqrt(len(times))),
     )
-
-
-def _tops(c: Array, least: float) -> IntArray:
-    """Find the highest peaks of a window's correlation that are above chance."""
-    inner = c[1:-1]
-    peak = (inner >= c[:-2]) & (inner > c[2:]) & (inner >= least)
-    places = np.flatnonzero(peak) + 1
-    return places[np.argsort(c[places])[::-1][:PEAKS_PER_WINDOW]]
 
 
 def _on_line(window: IntArray, when: Array, late: Array, height: Array) -> IntArray:

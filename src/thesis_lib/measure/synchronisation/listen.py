@@ -95,7 +95,12 @@ def load_audio(
             if frequency is None:
                 blocks = (block[:0] for block in blocks)
             else:
-                tones.check_rate(file.rate, frequency)
+                if not 0 < tones.MIN_SAMPLES_PER_PERIOD * frequency <= file.rate:
+                    raise audio.SynchronisationError(
+                        f"excitation.frequency_hz: given {frequency:g}, allowed: at most "
+                        f"{file.rate / tones.MIN_SAMPLES_PER_PERIOD:g} Hz, "
+                        f"{tones.MIN_SAMPLES_PER_PERIOD} samples of the sound per period"
+                    )
                 blocks = audio.decimate_blocks(low.reduce(blocks, file.rate), step)
             tone, before = audio.hold_signal(blocks, round(skip * low.rate / step))
             held.append(tone)

@@ -26,16 +26,6 @@ FITTED_SAMPLES = 1 << 16  # samples that are fitted at once
 SPECTRUM_SAMPLES = 1 << 18  # samples of which a spectrum is taken at once
 
 
-def check_rate(rate: float, frequency: float) -> None:
-    """Refuse a tone that has too few samples per period."""
-    if not 0 < MIN_SAMPLES_PER_PERIOD * frequency <= rate:
-        raise SynchronisationError(
-            f"excitation.frequency_hz: given {frequency:g}, allowed: at most "
-            f"{rate / MIN_SAMPLES_PER_PERIOD:g} Hz, {MIN_SAMPLES_PER_PERIOD} samples of the sound "
-            "per period"
-        )
-
-
 def fit_tone(
     blocks: Iterable[ArrayLike], rate: float, frequency: float, centre: float
 ) -> tuple[complex, float]:
