@@ -20,7 +20,7 @@ import xarray as xr
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
-from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
+from thesis_lib.measure.calibration.bundle_adjustment import step_network, without_boards
 from thesis_lib.measure.fitting import harmonics
 from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
@@ -83,16 +83,21 @@ def in_plane(
     are of each of its two parts, in phase and in quadrature. Both (2, markers), in m.
     """
     u, v, w = harmonics.motion_amplitude(fit, omega, exposures)
-    moved = np.array([u, v])
-    slope = _surface_slope(places, w)
+    moved, seen = np.array([u, v]), np.isfinite(w)
+    slope = np.full((2, len(w)), np.nan + 0j)
+    if np.count_nonzero(seen) >= 4:  # of planes through neighbours
+        count = min(SLOPE_NEIGHBOURS, np.count_nonzero(seen))
+        _, near = KDTree(places[:, seen].T).query(places.T, k=count)
+        offset = places[:, seen][:, near] - places[:, :, None]
+        A = np.stack([*offset, np.ones_like(offset[0])], axis=-1)  # markers, neighbours, 3
+        slope[:] = (np.linalg.pinv(A, rcond=1e-6) @ w[seen][near][..., None])[:, :2, 0].T
     known = np.isfinite(moved + slope).all(axis=0)
     square = float(np.sum(np.abs(slope[:, known]) ** 2))
     if square:
         along = float(np.sum((slope.conj() * moved).real[:, known])) / square
         moved = moved - np.clip(along, -thickness, thickness) * np.nan_to_num(slope)
-    return moved, np.array(
-        [harmonics.amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)]
-    )
+    deviations = [harmonics.amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)]
+    return moved, np.array(deviations)
 
 
 def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
@@ -101,20 +106,6 @@ def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
         squares = np.abs(moved) ** 2 / (2 * deviations**2)
     known = squares[np.isfinite(squares)]
     return float(np.sqrt(known.mean())) if known.size else np.nan
-
-
-def _surface_slope(places: Array, w: ComplexArray) -> ComplexArray:
-    """Estimate a surface's slope (2, markers) by planes through neighbours."""
-    known = np.isfinite(w)
-    slope = np.full((2, len(w)), np.nan + 0j)
-    if np.count_nonzero(known) < 4:
-        return slope
-    count = min(SLOPE_NEIGHBOURS, np.count_nonzero(known))
-    _, near = KDTree(places[:, known].T).query(places.T, k=count)
-    offset = places[:, known][:, near] - places[:, :, None]
-    A = np.stack([*offset, np.ones_like(offset[0])], axis=-1)  # markers, neighbours, 3
-    slope[:] = (np.linalg.pinv(A, rcond=1e-6) @ w[known][near][..., None])[:, :2, 0].T
-    return slope
 
 
 def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> tuple[Array, Array]:
@@ -219,9 +210,8 @@ def find_jump(
         return 0.0, np.nan
     before = np.arange(MIN_EDGE_FRAMES, n - MIN_EDGE_FRAMES)
     sums = np.cumsum(moved, axis=0)
-    jump = (sums[-1] - sums[before - 1]) / (n - before)[:, None] - sums[before - 1] / before[
-        :, None
-    ]
+    until = sums[before - 1]
+    jump = (sums[-1] - until) / (n - before)[:, None] - until / before[:, None]
     size = np.hypot(*jump.T)
     weight = np.sqrt(before * (n - before) / n)
     k = int(np.argmax(size * weight))
@@ -306,8 +296,7 @@ def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ComplexArray
 
 def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
     """Fit the same images with cameras that are off by a step."""
-    network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    cameras = step_network(network, step).cameras
+    cameras = step_network(without_boards(fit.cameras), step).cameras
     seen, rest, reach = [], [], 0.5  # px
     for old, new, own, still in zip(fit.cameras, cameras, fit.harmonics, fit.rest, strict=True):
         mean = own.coefficients[0]

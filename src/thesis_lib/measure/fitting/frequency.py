@@ -66,13 +66,8 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
             for times, values in series
         )
 
-    width = 1 / length
-    found = minimize_scalar(
-        sum_residuals,
-        bounds=(max(peak - width, lowest / 2), peak + width),
-        method="bounded",
-        options={"xatol": 1e-6 * peak},
-    )
+    bounds = max(peak - 1 / length, lowest / 2), peak + 1 / length
+    found = minimize_scalar(sum_residuals, bounds=bounds, options={"xatol": 1e-6 * peak})
     total = sum(float(np.sum(np.nanvar(values, axis=0))) * len(times) for times, values in series)
     if not sum_residuals(float(found.x)) < (1 - MIN_EXPLAINED_SHARE) * total:
         raise FrequencyError(

@@ -44,9 +44,8 @@ class Harmonics:
         loss = np.sinc(np.arange(1, order + 1) * turn / (2 * np.pi))
         factor = 1 / np.concatenate([[1.0], np.repeat(loss, 2)])
         along = factor.reshape((-1,) + (1,) * (self.coefficients.ndim - 1))
-        return Harmonics(
-            self.coefficients * along, self.covariance * along * along[:, None], self.sigma
-        )
+        covariance = self.covariance * along * along[:, None]
+        return Harmonics(self.coefficients * along, covariance, self.sigma)
 
     def earlier(self, omega: float, seconds: ArrayLike) -> Harmonics:
         """Return the harmonics of values that were taken later than assumed, by seconds (...)."""

@@ -77,8 +77,7 @@ def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
     a, b = measured.mean(axis=1), grid.mean(axis=1)
     m, g = measured - a[:, None], grid - b[:, None]
     U, _, Vt = np.linalg.svd(g @ m.T)
-    turn = np.diag([1, 1, np.linalg.det(U @ Vt)])
-    R = U @ turn @ Vt
+    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
     rms = float(np.sqrt(np.mean(np.sum((R @ m - g) ** 2, axis=0))))
     scale = float(np.sqrt(np.sum(m**2) / np.sum(g**2)))
     normal = np.linalg.svd(R @ m)[0][:, 2]

@@ -27,7 +27,6 @@ from thesis_lib.vision.pinhole import projection_matrices
 MAX_MODES = 8  # modes that are sought if their number is not given
 FURTHER_MODES = 2  # further modes that are tried, to see which hold
 MIN_MARKERS = 3  # markers that tell a shape
-DROPPED_FIELDS = ("amplitude", "deviation", "excess", "turn")
 MAX_CHANCE = 0.95  # probability of cameras agreeing better by noise alone, if that were all
 OUTLIER_ROUNDS = 3  # times that outliers, and what is not linear, are taken away
 
@@ -135,7 +134,9 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         for k, block in enumerate(blocks):
             kept = motions.without_outliers(own[k], block, poles.rates, rest.places)
             whole[k] = replace(whole[k], uv=np.where(np.isfinite(kept.uv), whole[k].uv, np.nan))
-            moved = whole[k].shifted(float(late[k]), float(pace[k]), zero + span / 2)
+            middle = zero + span / 2  # about which its clock is slower
+            times = middle + (whole[k].times - middle) * pace[k] + late[k]
+            moved = replace(whole[k], times=times)
             own[k] = motions.remove_nonlinearity(moved, found, poles, rest, zero)
     after = fits.residual_spectrum(blocks, poles.rates, asked.band)
     most_left, mean_left = fits.residual_power(after, poles, fits.span_of(blocks))
@@ -144,30 +145,30 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     order = np.argsort(poles.frequency)
     taken = np.array([own[0][0] for own in rivals])
     nearest = [int(np.argmin(np.abs(taken - f))) for f in poles.frequency[order]]
+    found = [found[k] for k in order]
     deviations = surely.deviations
-    left = {name: np.array([getattr(one, name) for one in found])[order] for name in DROPPED_FIELDS}
     return Modes(
         frequency=poles.frequency[order],
         frequency_deviation=deviations[0][order],
         damping=poles.damping[order],
         damping_deviation=deviations[1][order],
-        shape=left["amplitude"],
-        deviation=left["deviation"] * wider[order, None],
+        shape=np.array([one.amplitude for one in found]),
+        deviation=np.array([one.deviation for one in found]) * wider[order, None],
         scale_deviation=_scale(blocks[0], surely)[order],
-        excess=left["excess"],
+        excess=np.array([one.excess for one in found]),
         beside=most_left[order],
         zero=zero,
         lag=late,
         lag_deviation=errors,
         pace=1 / pace - 1,
-        turn=left["turn"],
+        turn=np.array([one.turn for one in found]),
         left_out=1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in whole]) / seen,
         aliases=tuple(tuple(rivals[k]) for k in nearest),
         orders=tuple(orders),
         before=fits.residual_spectrum(blocks, np.empty((0, 2)), asked.band),
         after=after,
         noise=float(np.nanmedian(np.concatenate(noise))),
-        fits=tuple(found[k].fit for k in order),
+        fits=tuple(one.fit for one in found),
     )
 
 

@@ -195,9 +195,8 @@ def fit_poles(blocks: Sequence[TrackBlock], start: Array, damped: bool) -> Poles
     squares, freedom = np.sum([part.noise for part in parts], axis=0)
     noise = float(np.sqrt(squares / max(freedom, 1)))
     covariance = np.zeros((start.size, start.size))
-    covariance[every] = noise**2 * np.linalg.pinv(
-        np.sum([part.matrix for part in parts], axis=0)[every]
-    )
+    matrix = np.sum([part.matrix for part in parts], axis=0)[every]
+    covariance[every] = noise**2 * np.linalg.pinv(matrix)
     each, deviation = np.zeros((2, len(blocks), start.size))
     for k, part in enumerate(parts):
         alone = np.linalg.pinv(part.matrix[every])
@@ -280,12 +279,8 @@ def search_modes(
         line = strongest_line(blocks, rates, band, near)
         if len(found) < most and line is not None:
             trials = [np.vstack([rates, [decay, 2 * np.pi * line]]) for decay in decays]
-            left = [
-                sum(float(np.sum(left_of(block, trial) ** 2)) for block in blocks)
-                for trial in trials
-            ]
-            rates = trials[int(np.argmin(left))]
-            found.append(fit_poles(blocks, rates, damped))
+            left = [sum(np.sum(left_of(one, trial) ** 2) for one in blocks) for trial in trials]
+            found.append(fit_poles(blocks, trials[int(np.argmin(left))], damped))
             rates = found[-1].rates
         elif near is None:
             break

@@ -43,29 +43,20 @@ class Track:
     camera: pinhole.Camera  #: Calibrated
     times: Array  #: Of the frames' middle rows, on the first camera's clock, s, shape (frames,)
     uv: Array  #: Centres without lens distortion, px, NaN where missing, (frames, 2, markers)
-    exposure: float = 0.0  #: Exposure time in s
-    readout: float = 0.0  #: Time from the first row's exposure to the last row's, s
-    rows: Array | None = None  #: Rows with distortion, px, (frames, markers); None: those of `uv`
-
-    @property
-    def seen_rows(self) -> Array:
-        """Return the rows in which the centres were seen, px, shape (frames, markers)."""
-        return self.uv[:, 1] if self.rows is None else self.rows
+    exposure: float  #: Exposure time in s
+    readout: float  #: Time from the first row's exposure to the last row's, s
+    rows: Array  #: In which the centres were seen, with distortion, px, shape (frames, markers)
 
     @property
     def row_delays(self) -> Array:
         """By how much each centre was seen after its frame's time, s, shape (frames, markers)."""
-        return np.asarray(self.readout * (self.seen_rows / self.camera.size[1] - 0.5), float)
+        return np.asarray(self.readout * (self.rows / self.camera.size[1] - 0.5), float)
 
     @property
     def usual(self) -> Array:
         """The mean of :attr:`row_delays` over what is seen, s, shape (markers,)."""
         late = np.ma.masked_invalid(self.row_delays)
         return np.asarray(late.mean(axis=0).filled(0.0), float)
-
-    def shifted(self, seconds: float, pace: float = 1.0, at: float = 0.0) -> Track:
-        """Return the track with a clock that starts later, and is slower about a time."""
-        return replace(self, times=at + (self.times - at) * pace + seconds)
 
 
 def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list[Track]:
@@ -125,9 +116,8 @@ def find_strays(moved: Array, places: Array) -> Mask:
         spread = _median(np.abs(around - middle[..., None]))
         off = np.abs(moved - middle)
         limit = MAX_SPREADS * (spread + np.nanmedian(off, axis=0))
-        far = (off > limit) & (
-            off > MIN_WORST_RATIO * np.nanmax(np.where(off > limit, off, 0), axis=0)
-        )
+        worst = np.nanmax(np.where(off > limit, off, 0), axis=0)
+        far = (off > limit) & (off > MIN_WORST_RATIO * worst)
     return np.asarray(far.any(axis=1), bool)
 
 
@@ -143,7 +133,7 @@ def _median(values: Array) -> Array:
 
 
 def _without(track: Track, wrong: Mask) -> Track:
-    return replace(track, uv=np.where(wrong[:, None], np.nan, track.uv), rows=track.seen_rows)
+    return replace(track, uv=np.where(wrong[:, None], np.nan, track.uv))
 
 
 # Times the usual error, from which on a camera has no part in a marker's result
@@ -222,9 +212,8 @@ def estimate_shapes(
         more = in_plane_excess(moved, allowed)
         error = amplitude_std(fit, omega, still) * max(np.nan_to_num(more), 1.0)
         turn, turn_error = phase_lags(fit, omega, still)
-        found.append(
-            Shape(deflection_amplitude(fit, omega, still), error, more, turn, turn_error, fit)
-        )
+        along = deflection_amplitude(fit, omega, still)
+        found.append(Shape(along, error, more, turn, turn_error, fit))
     return found
 
 
@@ -249,11 +238,10 @@ def remove_nonlinearity(
 
     slope = np.einsum("ikn,k->in", triangulation.image_jacobian(P, rest.points)[0], normal)
     linear = slope * predict_heights(track.usual[None])[:, None]
-    lifted = rest.points[:, None] + normal[:, None, None] * predict_heights(
-        np.nan_to_num(track.row_delays)
-    )
+    heights = predict_heights(np.nan_to_num(track.row_delays))
+    lifted = rest.points[:, None] + normal[:, None, None] * heights
     true = np.moveaxis(pinhole.project(P, lifted)[0], 0, 1) - pinhole.project(P, rest.points)[0]
-    return replace(track, uv=track.uv - (true - linear), rows=track.seen_rows)
+    return replace(track, uv=track.uv - (true - linear))
 
 
 ASSUMED_START_STD_S = 0.01  # s by which starts are thought to be off at most, rather
@@ -276,11 +264,8 @@ def camera_lags(found: Sequence[Shape], poles: fits.Poles) -> tuple[Array, Array
         periods = np.arange(-20, 21)
         trials = ((phase[:, None] + 2 * np.pi * periods) / w[:, None]).ravel()
         off = (phase - np.outer(trials, w) + np.pi) % (2 * np.pi) - np.pi
-        cost = (
-            np.sum(np.minimum((off / sigma) ** 2, MAX_PHASE_CHI2), axis=1)
-            + (trials / ASSUMED_START_STD_S) ** 2
-        )
-        k = int(np.argmin(cost))
+        misfit = np.sum(np.minimum((off / sigma) ** 2, MAX_PHASE_CHI2), axis=1)
+        k = int(np.argmin(misfit + (trials / ASSUMED_START_STD_S) ** 2))
         best[c] = trials[k] + np.sum(w * off[k] / sigma**2) / np.sum((w / sigma) ** 2)
     with np.errstate(divide="ignore"):
         errors = 1 / np.sqrt(np.nansum((omega[:, None] / error) ** 2, axis=0))
@@ -300,7 +285,6 @@ def clock_rates(poles: fits.Poles, span: float) -> Array:
     high = np.sum(weight * change, axis=1) / np.sum(weight, axis=1)
     deviation = 1 / np.sqrt(np.sum(weight, axis=1))
     fast = high[0] - high
-    enough = np.maximum(
-        MIN_CLOCK_SIGMAS * np.hypot(deviation, deviation[0]), LEAST_TURN / omega.max() / span
-    )
+    error = np.hypot(deviation, deviation[0])
+    enough = np.maximum(MIN_CLOCK_SIGMAS * error, LEAST_TURN / omega.max() / span)
     return np.where(np.abs(fast) > enough, fast, 0.0)

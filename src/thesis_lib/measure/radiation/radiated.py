@@ -269,9 +269,8 @@ def radiate_sound(
         "band": ("band", list(bands), {"long_name": "all tones, or nominal centre of an octave"}),
     }
     own = {name: one for name, one in VARIABLES.items() if name in values}
-    return xr.Dataset(label_values(values, own), coords).set_coords(
-        ["frequency", "place", "u", "z"]
-    )
+    data = xr.Dataset(label_values(values, own), coords)
+    return data.set_coords(["frequency", "place", "u", "z"])
 
 
 def _of_decays(tones: Sequence[Tone], power: Array, error: Array) -> dict[str, Array]:
@@ -382,6 +381,5 @@ def estimate_change(
             std = np.sqrt(noise**2 + (level - other) ** 2 + thick**2)
         known = level if np.isfinite(std) else np.nan
         rows.append((known, std, k * medium.speed_of_sound / (2 * np.pi)))
-    return xr.Dataset(
-        label_values(dict(zip(NO_WALL_VARIABLES, np.array(rows).T, strict=True)), NO_WALL_VARIABLES)
-    )
+    values = dict(zip(NO_WALL_VARIABLES, np.array(rows).T, strict=True))
+    return xr.Dataset(label_values(values, NO_WALL_VARIABLES))

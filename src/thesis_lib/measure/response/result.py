@@ -206,9 +206,8 @@ def estimate_response(
         low, high = max(low, ends[0]), min(high, ends[1])
     moved = signals.estimate_deflections(recordings, rest, times)
     still = np.arange(filmed[0], filmed[0] + excitation.rest_duration_s, 1 / rate)
-    still_noise = signals.noise_of(
-        signals.estimate_deflections(recordings, rest, still), rate, (low, high)
-    )
+    at_rest = signals.estimate_deflections(recordings, rest, still)
+    still_noise = signals.noise_of(at_rest, rate, (low, high))
     noise = still_noise
     length = None if given.segment_s == "whole" else given.segment_s
     if given.segment_s is None and excitation.behaviour.is_noise:

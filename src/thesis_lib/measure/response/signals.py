@@ -27,7 +27,7 @@ import numpy as np
 from scipy.signal import ShortTimeFFT, welch
 from scipy.spatial import KDTree
 
-from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
@@ -234,27 +234,19 @@ def at_times(
         taken = values[index]
         known = np.isfinite(taken)
         part = np.einsum("tns,tns->ts", np.linalg.solve(S, s), np.where(known, taken, 0.0))
-        found[start : start + CHUNK_TIMES] = _mend(part, S, s, taken, known)
+        # Once more where samples are missing, from those that are there.
+        at, series = np.nonzero(~known.all(axis=1))
+        there = known[at, :, series]
+        matrix = np.where(there[:, :, None] & there[:, None], S[at], np.eye(near))
+        right = np.where(there, s[at, :, series], 0.0)
+        weight = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+        value = np.sum(weight * np.where(there, taken[at, :, series], 0.0), axis=1)
+        before, after = there[:, : near // 2], there[:, near // 2 :]
+        enough = (2 * there.sum(axis=1) >= near) & before.any(1) & after.any(1)
+        part[at, series] = np.where(enough, value, np.nan)
+        found[start : start + CHUNK_TIMES] = part
     inside = (wanted[:, None] >= times[0] + shift) & (wanted[:, None] <= times[-1] + shift)
     return np.where(inside, found, np.nan)
-
-
-def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array:
-    """Return the estimates, repeated where samples are missing."""
-    near, found = known.shape[1], part.copy()
-    t, k = np.nonzero(~known.all(axis=1))
-    if not len(t):
-        return found
-    there = known[t, :, k]
-    both = there[:, :, None] & there[:, None]
-    matrix = np.where(both, S[t], np.eye(near))
-    right = np.where(there, s[t, :, k], 0.0)
-    weights = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-    value = np.sum(weights * np.where(there, taken[t, :, k], 0.0), axis=1)
-    half = near // 2
-    enough = (2 * there.sum(axis=1) >= near) & there[:, :half].any(1) & there[:, half:].any(1)
-    found[t, k] = np.where(enough, value, np.nan)
-    return found
 
 
 # Of the next marker's distance that a marker may seem to move along the surface
@@ -360,9 +352,14 @@ def in_step(
     length = min(seconds / count, MAX_WINDOW_S)
     middles = span[0] + (np.arange(count) + 0.5) * seconds / count
     late, error, when = np.zeros((3, len(recordings), count))
+    P = pinhole.projection_matrices([own.camera for own in recordings])
+    slopes = np.einsum("cikn,k->cin", triangulation.image_jacobian(P, rest.points), rest.frame.R[2])
     for k, middle in enumerate(middles):
         at = middle + np.arange(-int(length * rate / 2), int(length * rate / 2)) / rate
-        seen = _heights(recordings, rest, at)
+        seen = []  # deflections along the normal by each camera alone, m, (times, markers)
+        for own, still, slope in zip(recordings, rest.images, slopes, strict=True):
+            moved = undistorted_images(own, still, at) - still[:, None]
+            seen.append(np.einsum("itn,in->tn", moved, slope / np.sum(slope**2, axis=0)))
         for c in range(1, len(seen)):
             late[c, k], error[c, k], where = _late(seen[0], seen[c], rate, band)
             when[c, k] = at[0] + where
@@ -374,20 +371,6 @@ def in_step(
         found.append(replace(moved, delay=moved.delay + lag[c]))
         pace[c] = 1 / (1 + slope) - 1
     return found, lag, pace
-
-
-def _heights(recordings: Sequence[Recording], rest: Rest, at: Array) -> list[Array]:
-    """Return the deflections along the normal by each camera alone, m, (times, markers)."""
-    P = pinhole.projection_matrices([own.camera for own in recordings])
-    slopes = np.einsum("cikn,k->cin", triangulation.image_jacobian(P, rest.points), rest.frame.R[2])
-    return [
-        np.einsum(
-            "itn,in->tn",
-            undistorted_images(own, still, at) - still[:, None],
-            slope / np.sum(slope**2, axis=0),
-        )
-        for own, still, slope in zip(recordings, rest.images, slopes, strict=True)
-    ]
 
 
 def _late(

@@ -42,9 +42,8 @@ class View:
 
     def to_plane(self, uv: ArrayLike) -> Array:
         """Return the points (2, ...) of the plane in m of pixels (2, ...)."""
-        return apply_homography(
-            np.linalg.inv(self.H_image_plane), undistort_pixels(self.camera, uv)
-        )
+        H_plane_image = np.linalg.inv(self.H_image_plane)
+        return apply_homography(H_plane_image, undistort_pixels(self.camera, uv))
 
     def stretch(self, plane: ArrayLike) -> Array:
         """Return the derivative of :meth:`to_image` at (2, n), shape (2, 2, n), in px/m."""
@@ -232,11 +231,8 @@ def even_light(image: Image) -> Iterator[Image]:
         along = cv2.GaussianBlur(along[:, None], (1, 0), sigmaX=0.1, sigmaY=ROW_BLUR_PX)[:, 0]
         yield _divide_light(grey, along[:, None] if axis else along[None])
     height, width = image.shape
-    coarse = cv2.resize(
-        image,
-        (max(1, width // COARSE_STEP_PX), max(1, height // COARSE_STEP_PX)),
-        interpolation=cv2.INTER_AREA,
-    )
+    size = max(1, width // COARSE_STEP_PX), max(1, height // COARSE_STEP_PX)
+    coarse = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     side = 2 * max(1, round(GROUND_REACH * coarse.shape[1])) + 1
     ground = cv2.erode(coarse, np.ones((side, side), np.uint8))
     ground = cv2.GaussianBlur(ground.astype(np.float32), (0, 0), side / 4)

@@ -98,9 +98,7 @@ def _fit_blur(image: Image, view: View, found: Array) -> float:
 
     if misfit(view.blur) == 1e3:
         return view.blur
-    return float(
-        minimize_scalar(misfit, bounds=BLUR_RANGE_PX, method="bounded", options={"xatol": 0.01}).x
-    )
+    return float(minimize_scalar(misfit, bounds=BLUR_RANGE_PX, options={"xatol": 0.01}).x)
 
 
 def gate_of(markers: Markers) -> float:
@@ -150,7 +148,10 @@ class Tracker:
         grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny))) / self.scale
         u, v = view.to_image(grid + self.origin[:, None, None]).astype(np.float32)
         self.maps = u - np.float32(HALF_PIXEL), v - np.float32(HALF_PIXEL)
-        self.template = _draw_disc(PIXELS_PER_MARKER)
+        half = int(np.ceil(PIXELS_PER_MARKER / 2)) + 2
+        x = np.arange(-half, half + 1)
+        covered = np.clip(PIXELS_PER_MARKER / 2 - np.hypot(x, x[:, None]) + 0.5, 0, 1)
+        self.template = np.rint(200 - 170 * covered).astype(np.uint8)  # a dark disc on white
         self.grid = markers.positions
         self.gate = gate_of(markers)
         self.moved = np.zeros_like(self.grid)
@@ -216,14 +217,6 @@ def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
     filled = seen.copy()
     filled[:, ~known] = surface
     return filled
-
-
-def _draw_disc(diameter: float) -> Image:
-    """Draw a dark disc on white, for matching."""
-    half = int(np.ceil(diameter / 2)) + 2
-    x = np.arange(-half, half + 1)
-    covered = np.clip(diameter / 2 - np.hypot(x, x[:, None]) + 0.5, 0, 1)
-    return np.asarray(np.rint(200 - 170 * covered), np.uint8)
 
 
 def assign_places(predicted: Array, found: Array, gate: float) -> Array:

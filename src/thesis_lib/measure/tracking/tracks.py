@@ -66,9 +66,8 @@ class Recording:
 
     def between(self, begin: float, end: float) -> tuple[int, int]:
         """Return the first frame from a time on and the last before another, reference clock."""
-        first, last = np.searchsorted(
-            self.times, np.array([begin, end]) + 1e-6 / self.rate * np.array([-1, 1])
-        )
+        slack = 1e-6 / self.rate
+        first, last = np.searchsorted(self.times, [begin - slack, end + slack])
         return int(first), int(last)
 
     def parts(self, begin: float, end: float) -> Iterator[tuple[Array, Array]]:
