@@ -88,10 +88,8 @@ def start_network(observations: Array, points: Array, cameras: Sequence[Camera])
             raise CalibrationError(
                 f"{camera.name}: shares no board images, directly or not, with image 0"
             )
-    rotations, translations = zip(*(boards[s] for s in range(seen.shape[1])), strict=True)
-    return Network(
-        tuple(placed[c] for c in range(len(cameras))), np.array(rotations), np.array(translations)
-    )
+    poses = zip(*(boards[s] for s in sorted(boards)), strict=True)
+    return Network(tuple(placed[c] for c in sorted(placed)), *map(np.array, poses))
 
 
 def of_pictures(points: Array, which: Any) -> Array:
@@ -105,9 +103,8 @@ def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]
     Points whose place `uv` is NaN do not count.
     """
     seen = np.isfinite(uv).all(axis=0)
-    xy = pinhole.undistort_coordinates(
-        pinhole.from_pixels(camera.K, uv[:, seen]), camera.distortion
-    )
+    xy = pinhole.from_pixels(camera.K, uv[:, seen])
+    xy = pinhole.undistort_coordinates(xy, camera.distortion)
     flat = points[:, seen] * np.array([[1.0], [1.0], [0.0]])
     _, turn, t = cv2.solvePnP(flat.T.copy(), xy.T.copy(), np.eye(3), np.zeros(4))
     R, t = np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(np.asarray(t, float))
@@ -414,9 +411,7 @@ def align_cameras(
     rotation, translation = fit_alignment(cameras, truth)
     found = transform_network(without_boards(cameras), rotation, translation).cameras
     centres = np.array([p.centre - q.centre for p, q in zip(found, truth, strict=True)])
-    turns = np.array(
-        [p.R_camera_world @ q.R_camera_world.T for p, q in zip(found, truth, strict=True)]
-    )
+    turns = [p.R_camera_world @ q.R_camera_world.T for p, q in zip(found, truth, strict=True)]
     return found, centres, Rotation.from_matrix(turns).as_rotvec()
 
 

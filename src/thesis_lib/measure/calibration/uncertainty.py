@@ -174,9 +174,8 @@ def _widening_factors(parts: Array, gauge: Array, count: int) -> Array:
     true = np.einsum("ij,jk,ki->i", inverse, whole, inverse, optimize=True)[last]
     excess = (m - 1) / m * total / true
     freedom = np.maximum(total**2 / np.sum(single**2, axis=0), 1.0)
-    return np.maximum(
-        t.ppf(_COVERED_PROBABILITY, freedom) / norm.ppf(_COVERED_PROBABILITY) / np.sqrt(excess), 1.0
-    )
+    wider = t.ppf(_COVERED_PROBABILITY, freedom) / norm.ppf(_COVERED_PROBABILITY)
+    return np.maximum(wider / np.sqrt(excess), 1.0)
 
 
 def _variance_factor(parts: Array, right: Array, gauge: Array, sigma: float) -> float:

@@ -199,10 +199,10 @@ def shape_result(
     shape, error = turned.real, harmonics.amplitude_std(fit, omega, exposures)
     still = errors.find_frozen(scatter)
     moving = ~still.any(axis=0)
-    moved, allowed = errors.in_plane(
-        fit, omega, exposures, markers.centres, manifest.structure.thickness_mm / 1000
-    )
+    thickness = manifest.structure.thickness_mm / 1000
+    moved, allowed = errors.in_plane(fit, omega, exposures, markers.centres, thickness)
     more = errors.in_plane_excess(moved[:, moving], allowed[:, moving])
+    wide = max(np.nan_to_num(more), 1.0)
     tone = errors.explained_share(recordings, begin, end, frequency, order)
     errors.check_explained(tone, given)
     jumps = [
@@ -219,9 +219,7 @@ def shape_result(
         "x": markers.centres[0],
         "y": markers.centres[1],
         "deflection": shape,
-        "standard_error": np.hypot(
-            max(np.nan_to_num(more), 1.0) * error, size_off(frame.scale) * shape
-        ),
+        "standard_error": np.hypot(wide * error, size_off(frame.scale) * shape),
         "error_of_scatter": error,
         "in_plane": np.sqrt(np.sum(np.abs(moved) ** 2, axis=0)),
         "in_plane_excess": more,

@@ -145,11 +145,9 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
         each = np.eye(len(amplitude))[:, :, None]
         own = each * data["scale_deviation"].values[:, None] * amplitude
         rows += [own, 1j * own]
-    every = np.concatenate(rows)
+    every = np.concatenate(rows).reshape(-1, amplitude.size)
     variance = data["error_of_scatter"].values[:, known] ** 2
-    return estimates.circular_estimate(
-        amplitude.ravel(), variance.ravel(), every.reshape(len(every), -1)
-    )
+    return estimates.circular_estimate(amplitude.ravel(), variance.ravel(), every)
 
 
 def _choose_motion(

@@ -209,14 +209,10 @@ def radiate_sound(
     for tone, place in zip(tones, places, strict=True):
         shape, omega = shapes.part(place), tone.omega
         form = surface.power_form(B, omega, medium)
-        plain = surface.plane_wave_form(B, omega, medium)
-        power, efficiency = (
-            estimates.widen_error(one, surface.sum_std)
-            for one in (
-                estimates.estimate_quadratic_form(form, shape),
-                estimates.estimate_ratio(form, plain, shape),
-            )
-        )
+        found = estimates.estimate_quadratic_form(form, shape)
+        power = estimates.widen_error(found, surface.sum_std)
+        found = estimates.estimate_ratio(form, surface.plane_wave_form(B, omega, medium), shape)
+        efficiency = estimates.widen_error(found, surface.sum_std)
         # Radiation modes: rows whose |r·w|² add up to the power, the loudest first.
         squares, directions = np.linalg.eigh(form)
         loud = np.sqrt(np.maximum(squares, 0))[:, None] * directions.T
@@ -301,14 +297,11 @@ def _of_bands(
     for band, shape in zip(bands, shapes, strict=True):
         # The rows (k, markers) of each tone as rows of the amplitudes of all tones in the band.
         each = [block_diag(*(rows[k] for k in band)) for rows in (ways, *heard)]
-        found.append([estimates.estimate_sum(one, shape) for one in each])
-    value, error = (
-        np.array([[getattr(one, part) for one in row] for row in found])
-        for part in ("value", "error")
-    )
-    power, square = (
-        estimates.Estimate(value[:, own], error[:, own]) for own in (0, slice(1, None))
-    )
+        sums = [estimates.estimate_sum(one, shape) for one in each]
+        found.append([(one.value, one.error) for one in sums])
+    value, error = np.moveaxis(np.array(found), -1, 0)  # (bands, 1 + points)
+    power = estimates.Estimate(value[:, 0], error[:, 0])
+    square = estimates.Estimate(value[:, 1:], error[:, 1:])
     return {
         **_with_error("band_power", power),
         **_levels("band_power_level", DECIBELS_PER_NEPER, radiation.REFERENCE_POWER, power),

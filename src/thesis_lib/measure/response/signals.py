@@ -136,13 +136,13 @@ def read_force(
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     """Read times in s and forces in N of a sound file, at the lowest rate above one in Hz."""
     assert given.full_scale_n is not None
-    largest: list[float] = []
-    full: list[int] = []
+    peak, full = 0.0, 0
 
     def noted(blocks: Iterator[Array]) -> Iterator[Array]:
+        nonlocal peak, full
         for block in blocks:
-            largest.append(float(np.abs(block).max(initial=0.0)))
-            full.append(int(np.count_nonzero(np.abs(block) >= audio.FULL_SCALE)))
+            peak = max(peak, float(np.abs(block).max(initial=0.0)))
+            full += int(np.count_nonzero(np.abs(block) >= audio.FULL_SCALE))
             yield block
 
     with AudioSource("the force", path, given.channel).opened() as file:
@@ -150,15 +150,14 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
         rate = file.rate / step
         values = np.concatenate([np.empty(0), *audio.decimate_blocks(noted(file.blocks), step)])
         start = file.start + audio.cut_off(file.rate, rate)
-    peak = max(largest, default=0.0)
     if peak < MAX_SILENT_RMS:
         raise ForceError(
             f"{path}: channel {given.channel} is silent (at most {peak:.1e} of full scale), "
             f"allowed: at least {MAX_SILENT_RMS}"
         )
-    if sum(full) >= MIN_CLIPPED_SAMPLES:
+    if full >= MIN_CLIPPED_SAMPLES:
         raise ForceError(
-            f"{path}: channel {given.channel} is clipped ({sum(full)} samples at full scale), "
+            f"{path}: channel {given.channel} is clipped ({full} samples at full scale), "
             "allowed: none; turn its gain down"
         )
     return start + np.arange(len(values)) / rate, values * given.full_scale_n

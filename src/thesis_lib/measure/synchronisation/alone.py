@@ -125,9 +125,8 @@ def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[st
                 title="sound, put on one clock")  # fmt: skip
         top.set_yticklabels(shown)
         for k, one in enumerate(drifts, 1):
-            low.plot(
-                one.times, 1e3 * (one.delays - one.delay), ".", color=cycle_color(k), label=shown[k]
-            )
+            late = 1e3 * (one.delays - one.delay)
+            low.plot(one.times, late, ".", color=cycle_color(k), label=shown[k])
             if np.isfinite(one.drift):
                 ends = np.array([0.0, one.times.max()])
                 low.plot(ends, -1e3 * one.drift * ends, color=cycle_color(k), linewidth=0.8)

@@ -69,10 +69,9 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
         sum_x, energy_x = _energy(sums_x, low, high)
         sum_y, energy_y = _energy(sums_y, low - lag, high - lag)
         energy = np.sqrt(energy_x * energy_y)
-        covariance = c[k : k + NORMALISED_LAGS] - sum_x * sum_y / (high - low)
-        c[k : k + NORMALISED_LAGS] = np.divide(
-            covariance, energy, out=np.zeros_like(energy), where=energy > 0
-        )
+        part = slice(k, k + NORMALISED_LAGS)
+        covariance = c[part] - sum_x * sum_y / (high - low)
+        c[part] = np.divide(covariance, energy, out=np.zeros_like(energy), where=energy > 0)
     return np.arange(first, last + 1), c
 
 
@@ -270,9 +269,8 @@ def design_whitening(x: Signal, rate: float) -> Signal:
     """
     step = len(x) // SPECTRUM_PIECES
     if step > 2 * WHITENING_BINS:
-        pieces = np.concatenate(
-            [x[k * step : k * step + 2 * WHITENING_BINS] for k in range(SPECTRUM_PIECES)]
-        )
+        starts = step * np.arange(SPECTRUM_PIECES)
+        pieces = x[starts[:, None] + np.arange(2 * WHITENING_BINS)].ravel()
         x = pieces if pieces.any() else x
     f, power = welch(x, rate, nperseg=WHITENING_BINS, average="median")
     if not power.any():  # silent for most of the time

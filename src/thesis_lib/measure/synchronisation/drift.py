@@ -249,10 +249,8 @@ def beside_first(
     stamped, stated = _Tracks(recordings, stated=False), _Tracks(recordings, stated=True)
     for k, known in others.items():
         if known is not None:
-            delay = known + stamped.starts[0] - stamped.starts[k]
-            found[k] = drift_of(
-                stamped[0], stamped[k], stamped.rate, (stamped.starts[0], stamped.starts[k]), delay
-            )
+            first, own = starts = stamped.starts[0], stamped.starts[k]
+            found[k] = drift_of(stamped[0], stamped[k], stamped.rate, starts, known + first - own)
         else:
             tries = [_find_start(stamped, k)]
             if stamped.paces[k] != stamped.paces[0]:

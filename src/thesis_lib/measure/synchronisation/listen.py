@@ -89,9 +89,8 @@ def load_audio(
     for recording in recordings:
         with recording.opened() as file:
             lengths: list[int] = []
-            blocks = audio.check_blocks(
-                _note_lengths(file.blocks, lengths), file.rate, shortest, recording.name
-            )
+            noted = _note_lengths(file.blocks, lengths)
+            blocks = audio.check_blocks(noted, file.rate, shortest, recording.name)
             if frequency is None:
                 blocks = (block[:0] for block in blocks)
             else:

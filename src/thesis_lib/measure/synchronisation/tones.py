@@ -84,11 +84,9 @@ def tone_frequency(x: Signal, rate: float, guess: float) -> float:
     The signal has some tens of samples per period.
     """
     resolution, low, high = rate / len(x), 0.9 * guess, 1.1 * guess
-    coarse = (
-        decimate_signal(x, rate, MIN_SAMPLES_PER_PERIOD * guess)
-        if len(x) > SPECTRUM_SAMPLES
-        else (x, rate)
-    )
+    coarse = x, rate
+    if len(x) > SPECTRUM_SAMPLES:
+        coarse = decimate_signal(x, rate, MIN_SAMPLES_PER_PERIOD * guess)
     best = strongest_frequency(*coarse, low, high)
     bounds = max(-resolution / 2, low - best), min(resolution / 2, high - best)
 
@@ -138,9 +136,8 @@ def settle_interval(x: Signal, rate: float, frequency: float) -> Interval:
     fit = np.linalg.pinv(np.stack([np.cos(w), np.sin(w), np.ones_like(w)], axis=1))[:2]
     amplitudes = np.array([np.hypot(*(fit @ x[e : e + n])) for e in edges])
     loud = np.median(amplitudes[amplitudes >= np.median(amplitudes)])
-    changes = np.diff(
-        np.concatenate([[0], np.abs(amplitudes - loud) < 0.15 * loud, [0]]).astype(int)
-    )
+    steady = np.abs(amplitudes - loud) < 0.15 * loud
+    changes = np.diff(steady.astype(int), prepend=0, append=0)
     starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
     start = end = 0.0
     if len(starts):
@@ -179,10 +176,8 @@ def check_tone(
             f"{name}: a tone near {frequency:g} Hz is {100 * share:.0f} % of the sound, allowed: "
             f"at least {100 * MIN_EXPLAINED_SHARE:g} %"
         )
-    off = abs(found / frequency - 1) > max(
-        MAX_FREQUENCY_ERROR, MAX_SLIP_TURNS / ((end - start) * frequency)
-    )
-    if off or tone_share(part, rate, frequency) < MIN_EXPLAINED_SHARE:
+    most = max(MAX_FREQUENCY_ERROR, MAX_SLIP_TURNS / ((end - start) * frequency))
+    if abs(found / frequency - 1) > most or tone_share(part, rate, frequency) < MIN_EXPLAINED_SHARE:
         digits = 1 + max(0, int(np.ceil(np.log10(end - start))))
         raise SynchronisationError(
             f"excitation.frequency_hz: given {frequency:g}, but the sound of {name} has "

@@ -242,11 +242,8 @@ def trackers_of(
     for picture in pictures_of(image, shares):
         height, width = picture.shape
         scale = np.diag([width / camera.size[0], height / camera.size[1], 1.0])
-        own = replace(
-            view,
-            camera=resize_camera(camera, (width, height)),
-            H_image_plane=scale @ view.H_image_plane,
-        )
+        small = resize_camera(camera, (width, height))
+        own = replace(view, camera=small, H_image_plane=scale @ view.H_image_plane)
         try:
             own = sharpen_view(picture, own)
         except homography.TrackingError as error:
