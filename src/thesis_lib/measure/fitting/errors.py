@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial import KDTree
 
-from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.calibration.bundle_adjustment import step_network, without_boards
 from thesis_lib.measure.fitting import harmonics
 from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series
@@ -33,13 +33,6 @@ MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which a marker stands sti
 MIN_AWAKE_RATIO = 0.5  # of it, from which on one certainly does not
 MIN_MOVING_NEIGHBOURS = 6  # markers that move, beside one that stands still
 SLOPE_NEIGHBOURS = 9  # markers that tell the slope of the surface at one of them
-
-
-def find_frozen(scatter: Array) -> Mask:
-    """Return which markers a video's compression freezes, by their scatter (..., markers)."""
-    with np.errstate(invalid="ignore"):
-        still: Mask = scatter < MAX_FROZEN_RATIO * np.nanmedian(scatter, axis=-1, keepdims=True)
-    return still
 
 
 def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
@@ -59,7 +52,7 @@ def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
     middle = np.nanmedian(each)
     sigma = np.maximum(own.sigma, MIN_AWAKE_RATIO * np.nanmedian(own.sigma))
     size = np.sqrt(np.sum(own.coefficients[1:3] ** 2, axis=(0, 1)))
-    still, awake = find_frozen(each), each >= MIN_AWAKE_RATIO * middle
+    still, awake = each < MAX_FROZEN_RATIO * middle, each >= MIN_AWAKE_RATIO * middle
     if not still.any() or not awake.any():
         return replace(own, sigma=sigma), 0.0
     count = min(MIN_MOVING_NEIGHBOURS, np.count_nonzero(awake))
@@ -119,12 +112,8 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
     deviations, best = shapes.copy(), harmonics.amplitude_std(fit, omega, exposures)
     for left_out in range(count if count > 2 else 0):
         kept = [i for i in range(count) if i != left_out]
-        part = Fitted(
-            [fit.cameras[i] for i in kept],
-            [fit.harmonics[i] for i in kept],
-            fit.rest[kept],
-            fit.frame,
-        )
+        cameras, own = [fit.cameras[i] for i in kept], [fit.harmonics[i] for i in kept]
+        part = Fitted(cameras, own, fit.rest[kept], fit.frame)
         turned = harmonics.deflection_amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
         shapes[left_out] = turned.real
         more = harmonics.amplitude_std(part, omega, exposures[kept]) ** 2 - best**2

@@ -151,19 +151,16 @@ def measure_instant(
 # What noise of the centres does.
 
 
-def normal_gain(
-    P: ArrayLike, frame: Frame, points: ArrayLike, seen: Mask | None = None, axis: int = 2
-) -> Array:
+def normal_gain(P: ArrayLike, frame: Frame, points: ArrayLike, seen: Mask, axis: int = 2) -> Array:
     """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px.
 
-    Or of its place along another `axis` of the beam. With `seen`, shape (cameras, n), a camera that
-    does not see a point has no part in it; NaN where fewer than two do.
+    Or of its place along another `axis` of the beam. A camera that does not see a point, by `seen`
+    (cameras, n), has no part in it; NaN where fewer than two do.
     """
     P, X = np.asarray(P, float), np.asarray(points, float)
-    visible = np.ones((len(P), X.shape[1]), bool) if seen is None else seen
     gains = np.zeros((len(P), 2, X.shape[1]))
-    gains[:, :, visible.sum(axis=0) < 2] = np.nan
-    for pattern, where in group_visible(visible):
+    gains[:, :, seen.sum(axis=0) < 2] = np.nan
+    for pattern, where in group_visible(seen):
         own = np.tensordot(frame.R[axis], triangulation_gain(P[pattern], X[:, where]), axes=1)
         gains[np.ix_(pattern, np.ones(2, bool), where)] = own
     return gains

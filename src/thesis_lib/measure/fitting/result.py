@@ -197,7 +197,8 @@ def shape_result(
     phase = harmonics.common_phase(complex_shape, force, manifest.structure.damping)
     turned = complex_shape * np.exp(-1j * phase)
     shape, error = turned.real, harmonics.amplitude_std(fit, omega, exposures)
-    still = errors.find_frozen(scatter)
+    usual = np.nanmedian(scatter, axis=-1, keepdims=True)
+    still = scatter < errors.MAX_FROZEN_RATIO * usual  # which markers compression freezes
     moving = ~still.any(axis=0)
     thickness = manifest.structure.thickness_mm / 1000
     moved, allowed = errors.in_plane(fit, omega, exposures, markers.centres, thickness)
