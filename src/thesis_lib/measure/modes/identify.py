@@ -301,7 +301,8 @@ def modes_result(
     exports take. With a covariance it has ``SHARED_VARIABLES`` of
     :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors of shapes hold it.
     """
-    rest, frame_off = rest_of(manifest, recordings)
+    rest = rest_of(manifest, recordings)
+    frame_off = result.size_off(rest.frame.scale)
     begin, end = fit_window(manifest, sound, recordings)
     seen = motions.tracks_of(recordings, begin, end)
     sought = manifest.excitation.modes
@@ -365,15 +366,14 @@ COMMON_VARIABLES = (
 )  # fmt: skip
 
 
-def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> tuple[Rest, float]:
-    """Return the markers at rest, and the relative error of sizes that their grid tells."""
+def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Rest:
+    """Return the markers at rest."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     still = np.array([at_rest(own, manifest.excitation.rest_duration_s) for own in recordings])
     frame = check_frame(cameras, still, markers)
     points, _ = triangulate_seen(projection_matrices(cameras), still)
     thick = manifest.structure.thickness_mm / 1000
-    rest = Rest(still, frame, points, markers.centres, thick)
-    return rest, result.size_off(frame.scale)
+    return Rest(still, frame, points, markers.centres, thick)
 
 
 def fit_window(

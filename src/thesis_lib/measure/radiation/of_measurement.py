@@ -41,7 +41,10 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     """
     asked, structure = manifest.radiation, manifest.structure
     assert asked is not None
-    several = data if "mode" in data.dims else _one_mode(data)
+    several = data
+    if "mode" not in data.dims:  # the shape of one tone, in the form of several modes
+        wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
+        several = data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
     amplitude = radiated.complex_of(several, "amplitude")
     known = np.all(np.isfinite(amplitude) & np.isfinite(several["standard_error"].values), axis=0)
     _check(data, known, structure)
@@ -58,8 +61,12 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     ends = np.cumsum([one.shape[1] for one in every])
     moving, *others = np.split(both.moving, ends[:-1])
     between = replace(both, moving=moving)
+    half = (asked.plane_half_width_mm or 1000 * max(size)) / 1000
+    low = asked.plane_bottom_mm / 1000
+    high = asked.plane_top_mm / 1000 if asked.plane_top_mm else low + max(size)
+    planes = [Plane(name, half, low, high, PLANE_SHAPE) for name in ("XZ", "YZ")]
     made = radiated.radiate_sound(
-        surface, between, tones, shapes, asked.points, _planes(asked, size), asked.medium
+        surface, between, tones, shapes, asked.points, planes, asked.medium
     )
     change = radiated.estimate_change(
         surface,
@@ -90,12 +97,6 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     if "decay" in made:
         told["moment"] = float(data["zero"])
     return made.merge(change).assign_attrs(told)
-
-
-def _one_mode(data: xr.Dataset) -> xr.Dataset:
-    """Return the shape of one tone in the form of several modes, of which there is one."""
-    wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
-    return data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
 
 
 def tones_of(data: xr.Dataset) -> list[radiated.Tone]:
@@ -170,13 +171,6 @@ def _choose_motion(
     step = radiated.largest_gap(markers)
     held = radiated.edge_places(corners, asked.held_edges(structure.kind, len(corners)), step)
     return radiated.by_spline(markers, held, places)
-
-
-def _planes(asked: manifest_parts.Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:
-    half = (asked.plane_half_width_mm or 1000 * max(size)) / 1000
-    low = asked.plane_bottom_mm / 1000
-    high = asked.plane_top_mm / 1000 if asked.plane_top_mm else low + max(size)
-    return Plane("XZ", half, low, high, PLANE_SHAPE), Plane("YZ", half, low, high, PLANE_SHAPE)
 
 
 SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s

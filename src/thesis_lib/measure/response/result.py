@@ -183,7 +183,7 @@ def estimate_response(
     """
     given, excitation = manifest.force, manifest.excitation
     assert given is not None
-    rest, _ = rest_of(manifest, recordings)
+    rest = rest_of(manifest, recordings)
     rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
     sought = excitation.modes
     most = min(sought.to_hz or np.inf, signals.MAX_REPORTED_RATIO * slowest)

@@ -85,7 +85,7 @@ def load_audio(
     wanted = tones.TONE_RATE * (frequency or 0.0)
     low = _lowest_rate(recordings, max(matching.CORRELATION_RATE, wanted))
     step = audio.step_to(low.rate, wanted) if frequency else 1
-    starts, ends, held, skipped, sources = [], [], [], [], []
+    read = []
     for recording in recordings:
         with recording.opened() as file:
             lengths: list[int] = []
@@ -102,11 +102,9 @@ def load_audio(
                     )
                 blocks = audio.decimate_blocks(low.reduce(blocks, file.rate), step)
             tone, before = audio.hold_signal(blocks, round(skip * low.rate / step))
-            held.append(tone)
-            skipped.append(before)
-            starts.append(file.start)
-            ends.append(file.start + sum(lengths) / file.rate)
-            sources.append(file.source)
+            end = file.start + sum(lengths) / file.rate
+            read.append((file.start, end, tone, before, file.source))
+    starts, ends, held, skipped, sources = zip(*read, strict=True)
     later, tone_rate = max(skipped), low.rate / step
     return LoadedAudio(
         low=low,
@@ -115,7 +113,7 @@ def load_audio(
         tones=[tone[later - before :] for tone, before in zip(held, skipped, strict=True)],
         tone_rate=tone_rate,
         tone_start=low.cut + audio.cut_off(low.rate, tone_rate) + later / tone_rate,
-        sources=tuple(sources),
+        sources=sources,
     )
 
 
@@ -167,11 +165,10 @@ class Synchronisation:
 
     delays: Array  #: Start of each camera minus that of the first, s, shape (cameras,)
     frame_rate: float  #: Frames per second
-    #: ``phase`` of a tone, ``room``: correlation of what microphones hear, or ``none``: nothing was
-    #: heard, and the delays are 0
-    method: str
-    match: matching.Match | None = None  #: The most doubtful of all cameras with the first one
-    frequency: float | None = None  #: Of the tone, Hz; whole periods are what may be in doubt
+    #: The most doubtful of all cameras with the first one; None: nothing was heard
+    match: matching.Match | None = None
+    #: Of the tone, Hz; whole periods are what may be in doubt; None in a room
+    frequency: float | None = None
     #: Signal-to-noise power ratio up to half of the correlation's rate, the smallest of all
     snr: float = np.nan
     #: Of recordings whose clocks drift too far for one delay, which is then that in the middle
@@ -247,7 +244,6 @@ def synchronise_cameras(
     return Synchronisation(
         delays=delays - (heard.starts - heard.starts[0]),
         frame_rate=frame_rate,
-        method="room" if frequency is None else "phase",
         match=max(matches.values(), key=lambda one: (one.ambiguous, one.ratio)),
         frequency=frequency,
         snr=min(one.snr for one in matches.values()),
@@ -310,7 +306,7 @@ def estimate_delays(manifest: Manifest, folder: Path) -> Sound:
     excitation, rate = manifest.excitation, manifest.cameras[0].frame_rate_hz
     if excitation.sound == "none":
         zeros = np.zeros(len(manifest.cameras))
-        found = Synchronisation(zeros, rate, "none")
+        found = Synchronisation(zeros, rate)
         begin, end = 0.0, min(float(clock_of(one, folder)[-1]) for one in manifest.cameras)
     else:
         recordings = [audio.AudioSource(one.name, folder / one.video) for one in manifest.cameras]
