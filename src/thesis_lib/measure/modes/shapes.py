@@ -81,7 +81,7 @@ def without_strays(track: Track, places: Array) -> Track:
     with warnings.catch_warnings():  # of markers that are never seen
         warnings.simplefilter("ignore", RuntimeWarning)
         moved = track.uv - np.nanmedian(track.uv, axis=0)
-    return _without(track, find_strays(moved, places))
+    return replace(track, uv=np.where(find_strays(moved, places)[:, None], np.nan, track.uv))
 
 
 def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places: Array) -> Track:
@@ -101,8 +101,8 @@ def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places:
         if not wrong.any():
             break
         known = known & ~np.repeat(wrong[:, None], 2, axis=1).reshape(known.shape)
-    kept = np.asarray(known.reshape(track.uv.shape).all(axis=1), bool)
-    return _without(track, ~kept)
+    kept = known.reshape(track.uv.shape).all(axis=1, keepdims=True)
+    return replace(track, uv=np.where(kept, track.uv, np.nan))
 
 
 def find_strays(moved: Array, places: Array) -> Mask:
@@ -130,10 +130,6 @@ def _median(values: Array) -> Array:
         for place in ((count - 1) // 2, count // 2)
     )
     return np.asarray(0.5 * (low + high), float)
-
-
-def _without(track: Track, wrong: Mask) -> Track:
-    return replace(track, uv=np.where(wrong[:, None], np.nan, track.uv))
 
 
 # Times the usual error, from which on a camera has no part in a marker's result

@@ -150,8 +150,11 @@ def _find_quadrilateral(image: Image, camera: Camera) -> Array:
     box = cv2.approxPolyN(hull, 4)[0].astype(float)
     for last in (False, False, True):  # points go to the nearest side, sides to their points
         sides = [*zip(box, np.roll(box, -1, axis=0), strict=True)]
-        nearest = np.argmin([_segment_distances(points, a, b) for a, b in sides], axis=0)
-        lines = []
+        distances, lines = [], []
+        for a, b in sides:
+            t = np.clip((points - a) @ (b - a) / np.sum((b - a) ** 2), 0, 1)
+            distances.append(np.linalg.norm(points - a - t[:, None] * (b - a), axis=1))
+        nearest = np.argmin(distances, axis=0)
         for side, (a, b) in enumerate(sides):
             own = points[nearest == side]
             along = (own - a) @ (b - a) / np.sum((b - a) ** 2)
@@ -173,12 +176,6 @@ def _find_quadrilateral(image: Image, camera: Camera) -> Array:
     if np.sum(x * y_next - y * x_next) > 0:  # seen from above it runs this way
         box = box[[1, 0, 3, 2]]
     return np.asarray(box.T)
-
-
-def _segment_distances(points: Array, a: Array, b: Array) -> Array:
-    """Return the distance of points (n, 2) from the segment from a to b."""
-    t = np.clip((points - a) @ (b - a) / np.sum((b - a) ** 2), 0, 1)
-    return np.asarray(np.linalg.norm(points - a - t[:, None] * (b - a), axis=1))
 
 
 def _hole_darkness(image: Image, view: View) -> float:
