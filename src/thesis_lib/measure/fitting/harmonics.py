@@ -100,8 +100,7 @@ class Sums:
         """
         n = self.right.shape[1]
         enough = self.count >= n + 2
-        matrix = np.where(enough[:, None, None], self.matrix, np.eye(n))
-        inverse = np.linalg.inv(matrix)
+        inverse = np.linalg.inv(np.where(enough[:, None, None], self.matrix, np.eye(n)))
         solution = np.einsum("sij,sj->is", inverse, self.right)
         left = np.maximum(self.squares - np.einsum("is,si->s", solution, self.right), 0)
         with np.errstate(invalid="ignore", divide="ignore"):

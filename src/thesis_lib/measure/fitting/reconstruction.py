@@ -191,8 +191,7 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
 
     Those that do not fit their places are refused, with the camera that fits worst.
     """
-    P = projection_matrices(cameras)
-    points, seen = triangulate_seen(P, rest)
+    points, seen = triangulate_seen(projection_matrices(cameras), rest)
     if np.count_nonzero(seen >= 2) < 3:
         raise ChainError("fewer than three markers at rest are seen by two cameras")
     frame = fit_grid(points, markers.world[:, : markers.count])

@@ -124,6 +124,7 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
             break
         more, errors = motions.camera_lags(found, poles)
         span = fits.span_of(blocks)
+        middle = zero + span / 2  # about which clocks are slower
         if turn:  # the first fit may rest on outliers
             late = late + more
             if not asked.damped:  # a decay is too short to tell how fast clocks run
@@ -131,9 +132,7 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         for k, block in enumerate(blocks):
             kept = motions.without_outliers(own[k], block, poles.rates, rest.places)
             whole[k] = replace(whole[k], uv=np.where(np.isfinite(kept.uv), whole[k].uv, np.nan))
-            middle = zero + span / 2  # about which its clock is slower
-            times = middle + (whole[k].times - middle) * pace[k] + late[k]
-            moved = replace(whole[k], times=times)
+            moved = replace(whole[k], times=middle + (whole[k].times - middle) * pace[k] + late[k])
             own[k] = motions.remove_nonlinearity(moved, found, poles, rest, zero)
     after = fits.residual_spectrum(blocks, poles.rates, asked.band)
     most_left, mean_left = fits.residual_power(after, poles, fits.span_of(blocks))

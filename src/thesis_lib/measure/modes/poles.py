@@ -222,11 +222,10 @@ class Spectrum:
     def peak(self) -> tuple[float, float]:
         """Frequency of the strongest line in Hz, the lowest of equals, and its power over noise."""
         top = float(self.power.max())
-        first = int(np.flatnonzero(self.power >= 0.98 * top)[0])
-        last = first
-        while last + 1 < len(self.power) and self.power[last + 1] >= self.power[last]:
-            last += 1
-        return float(self.frequency[last]), top
+        place = int(np.flatnonzero(self.power >= 0.98 * top)[0])
+        while place + 1 < len(self.power) and self.power[place + 1] >= self.power[place]:
+            place += 1
+        return float(self.frequency[place]), top
 
 
 def residual_spectrum(

@@ -149,8 +149,7 @@ def estimate_blur(receptance: ComplexArray) -> ComplexArray:
     From H1, (lines, markers), the receptance is sharpened, and from that it is computed what the
     window makes of each estimator, for a force whose power is even.
     """
-    lines = len(receptance)
-    bands = np.tile([[HANN_SHARE], [1 - 2 * HANN_SHARE], [HANN_SHARE]], lines)
+    bands = np.tile([[HANN_SHARE], [1 - 2 * HANN_SHARE], [HANN_SHARE]], len(receptance))
     bands[1, [0, -1]] += HANN_SHARE
     blur = diags_array([bands[0, 1:], bands[1], bands[2, 1:]], offsets=[-1, 0, 1])
     sharp = solve_banded((1, 1), bands, receptance, check_finite=False)

@@ -108,8 +108,7 @@ def interpolate_peak(lags: IntArray, c: Array, top: int) -> float:
     u = np.arange(-reach, reach + 1) / reach
     cap = c[top - reach : top + reach + 1]
     fit = np.polynomial.Polynomial.fit(u, cap, 2 if reach < 4 else 4, domain=[-1, 1])
-    slope = fit.deriv()
-    roots = slope.roots()
+    roots = fit.deriv().roots()
     real = roots[np.abs(roots.imag) < 1e-9].real
     real = real[np.abs(real) <= 1]
     shift = real[np.argmax(fit(real))] if len(real) else 0.0

@@ -152,8 +152,7 @@ def match_recordings(
                     match = matching.room_match(span[0], other, low.rate)
                 else:
                     match = matching.force_match(span[0], other, low.rate, frequency)
-                best = found.get(i, match)
-                found[i] = max(best, match, key=lambda one: (one.certain, one.peak))
+                found[i] = max(found.get(i, match), match, key=lambda one: (one.certain, one.peak))
             if all(match.certain for match in found.values()):
                 break
     return found
@@ -305,8 +304,7 @@ def estimate_delays(manifest: Manifest, folder: Path) -> Sound:
         raise ManifestError(problem)
     excitation, rate = manifest.excitation, manifest.cameras[0].frame_rate_hz
     if excitation.sound == "none":
-        zeros = np.zeros(len(manifest.cameras))
-        found = Synchronisation(zeros, rate)
+        found = Synchronisation(np.zeros(len(manifest.cameras)), rate)
         begin, end = 0.0, min(float(clock_of(one, folder)[-1]) for one in manifest.cameras)
     else:
         recordings = [audio.AudioSource(one.name, folder / one.video) for one in manifest.cameras]
