@@ -239,10 +239,7 @@ def radiate_sound(
                 "pressure_imag": here.imag,
                 "pressure_error": size.error,
                 **_levels(
-                    "level",
-                    2 * DECIBELS_PER_NEPER,
-                    np.sqrt(2) * radiation.REFERENCE_PRESSURE,
-                    size,
+                    "level", 2 * DECIBELS_PER_NEPER, np.sqrt(2) * radiation.REFERENCE_PRESSURE, size
                 ),
                 "field_real": field.real,
                 "field_imag": field.imag,

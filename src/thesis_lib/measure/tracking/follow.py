@@ -273,10 +273,7 @@ def reduce_frame(image: Image, width: int) -> Image:
 
 
 def first_view(
-    image: Image,
-    camera: Camera,
-    markers: Markers,
-    corners_px: Sequence[tuple[float, float]] | None,
+    image: Image, camera: Camera, markers: Markers, corners_px: Sequence[tuple[float, float]] | None
 ) -> homography.View:
     """Estimate the camera's view of the structure in its first frame, from corners and markers.
 
