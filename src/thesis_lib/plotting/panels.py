@@ -124,31 +124,26 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
                 seen.add(key)
                 _draw(axes, np.array([place, 0 * place]), color=ink, lw=0.6, alpha=0.6)
                 axes.plot(*_view(place), "o", color=ink, ms=5, zorder=4)
-    _mark_varied(axes, cameras, str(part["parameter"].values[0]), part)
+    varied, red = part["parameter"].values[0], style.HIGHLIGHT_COLOR
+    look = {"color": red, "lw": 1.6, "zorder": 5}
+    if varied == "distance_mm":
+        far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
+        _draw(axes, np.array([0 * far, far]), **look)
+        _write(axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=red)
+    elif varied == "aperture_deg":  # that of the widest setting
+        widest = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))
+        arc = _aperture_arc(*widest[:2])
+        _draw(axes, arc, **look)
+        _write(axes, 1.12 * arc[20], "α", color=red)
+    else:
+        text = " … ".join(dict.fromkeys(part["label"].values[[0, -1]].astype(str)))
+        axes.text(0.0, 0.0, text, color=red, transform=axes.transAxes, fontsize=8)
     for name, end in zip("XYZ", np.diag([1.12 * half, 0.45 * radius, 0.45 * radius]), strict=True):
         _draw(axes, np.array([0 * end, end]), color="#777777", lw=0.7, zorder=4)
         _write(axes, 1.08 * end, name, color="#777777", fontsize=8)
     axes.set_aspect("equal")
     axes.margins(0.06)
     axes.axis("off")
-
-
-def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset) -> None:
-    """Mark the varied distance or aperture of the widest setting, or write the varied values."""
-    look = {"color": style.HIGHLIGHT_COLOR, "lw": 1.6, "zorder": 5}
-    if varied == "distance_mm":
-        far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
-        _draw(axes, np.array([0 * far, far]), **look)
-        above = 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)]
-        _write(axes, above, "d", color=style.HIGHLIGHT_COLOR)
-    elif varied == "aperture_deg":
-        widest = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))
-        arc = _aperture_arc(*widest[:2])
-        _draw(axes, arc, **look)
-        _write(axes, 1.12 * arc[20], "α", color=style.HIGHLIGHT_COLOR)
-    else:
-        text = " … ".join(dict.fromkeys(part["label"].values[[0, -1]].astype(str)))
-        axes.text(0.0, 0.0, text, color=style.HIGHLIGHT_COLOR, transform=axes.transAxes, fontsize=8)
 
 
 def _aperture_arc(first: Array, second: Array) -> Array:

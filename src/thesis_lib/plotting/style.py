@@ -173,23 +173,18 @@ def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> b
     content, tag = io.BytesIO(), b"<svg "
     with in_style(changed):
         if kind == "svg":
-            _lay_out(figure)
+            if engine := figure.get_layout_engine():  # to save would draw all to place the panels
+                figure.set_canvas(FigureCanvasSVG(figure))
+                figure.dpi = 72  # as the file has it
+                engine.execute(figure)
+                figure.set_layout_engine(None)
+                for axes in figure.axes:  # the solver's last digits hang on addresses in memory
+                    place = axes.get_position(original=True).bounds
+                    axes.set_position(tuple(round(each, _BOX_DIGITS) for each in place))
             if panels := find_panels(figure):  # the book shows them below each other on a phone
                 tag = f'<svg data-panels="{panels}" '.encode()
         figure.savefig(content, format=kind, metadata={without: None}, **how)
     return content.getvalue().replace(b"<svg ", tag, 1)
-
-
-def _lay_out(figure: Figure) -> None:
-    """Place the panels as a file of 72 dots per inch has them; to save would draw all to do so."""
-    if engine := figure.get_layout_engine():
-        figure.set_canvas(FigureCanvasSVG(figure))
-        figure.dpi = 72
-        engine.execute(figure)
-        figure.set_layout_engine(None)
-        for axes in figure.axes:  # the solver's last digits hang on addresses in memory
-            place = axes.get_position(original=True).bounds
-            axes.set_position(tuple(round(each, _BOX_DIGITS) for each in place))
 
 
 def find_panels(figure: Figure) -> str:
@@ -213,7 +208,7 @@ def find_panels(figure: Figure) -> str:
             boxes[boxes.index(upper)] = _join(upper, box)
         else:
             boxes.append(box)
-    boxes = _sort_for_reading(_join_scales(boxes))
+    boxes = _sort_for_reading(boxes)
     if not any(_abreast(*two) for two in pairwise(boxes)):
         return ""
     return ";".join(
@@ -222,22 +217,17 @@ def find_panels(figure: Figure) -> str:
     )
 
 
-def _join_scales(boxes: list[Box]) -> list[Box]:
-    """Join each narrow box, a colour scale, with the panel on its left."""
+def _sort_for_reading(boxes: list[Box]) -> list[Box]:
+    """Sort boxes by row, and from left to right in each; narrow ones are part of what is left."""
     panels = [one for one in boxes if one[2] - one[0] > MAX_SCALE_WIDTH]
-    for scale in (one for one in boxes if one not in panels):
+    for scale in (one for one in boxes if one not in panels):  # of colours
         left = [one for one in panels if one[0] < scale[0] and _abreast(one, scale)]
         if left:
             panels[panels.index(max(left))] = _join(max(left), scale)
         else:
             panels.append(scale)
-    return panels
-
-
-def _sort_for_reading(boxes: list[Box]) -> list[Box]:
-    """Sort boxes by row, and from left to right in each row."""
     rows: list[list[Box]] = []
-    for box in sorted(boxes, key=lambda one: one[1]):
+    for box in sorted(panels, key=lambda one: one[1]):
         if rows and _abreast(rows[-1][0], box):
             rows[-1].append(box)
         else:
