@@ -29,35 +29,28 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     bending.plot(x[axis], true, color=style.REFERENCE_COLOR, linewidth=3, label="true")
     ranked = selection.rank_settings(part)[: part.sizes["setting"]]
     for one, word, ink in ranked:
-        measured, label = (
-            1000 * one["measured_deflection"][0, axis],
-            f"{one['label'].item()}, {word}",
-        )
+        measured = 1000 * one["measured_deflection"][0, axis]
+        label = f"{one['label'].item()}, {word}"
         bending.plot(x[axis], measured, ".-", color=ink, linewidth=1, label=label)
     bending.set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
     bending.legend()
-    _torsion_panel(axes[1, 0], part, (rows[0], rows[-1]), ranked)
+    torsion, grey = axes[1, 0], "#777777"
+    true = part["reference_quadrature"].values * 1e6
+    torsion.set(title="(c) a quarter of a period before", xlabel="x in mm", ylabel="w in µm")
+    for row, mark, name in ((rows[0], "v", "first row"), (rows[-1], "^", "last row")):
+        torsion.plot(x[row], true[row], color=style.REFERENCE_COLOR, linewidth=2)
+        for one, _, ink in ranked:
+            measured = one["quadrature_deflection"][row] * 1e6
+            torsion.plot(x[row], measured, mark, color=ink, markersize=3.5)
+        torsion.plot([], [], mark, color=grey, markersize=4, label=name)
+    torsion.plot([], [], color=style.REFERENCE_COLOR, linewidth=2, label="true")
+    if all(one["quadrature_deflection"].isnull().all() for one, *_ in ranked):
+        place: Any = {"ha": "center", "va": "center", "transform": torsion.transAxes}
+        torsion.text(0.5, 0.5, "one instant shows\none instant alone", color=grey, **place)
+    style.add_legend(torsion, room=0.2, ncols=3, columnspacing=1, handlelength=1.2)
     figures.bar_panel(axes[1, 1], part, [selection.error_bars(cube, case, mode)])
     axes[1, 1].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
     return drawing
-
-
-def _torsion_panel(axes: Axes, part: xr.Dataset, rows: Any, ranked: Any) -> None:
-    """Draw the edge rows a quarter of a period before the maximum of bending, in µm."""
-    x, grey = part["x"].values * 1000, "#777777"
-    true = part["reference_quadrature"].values * 1e6
-    axes.set(title="(c) a quarter of a period before", xlabel="x in mm", ylabel="w in µm")
-    for row, mark, name in zip(rows, "v^", ("first row", "last row"), strict=True):
-        axes.plot(x[row], true[row], color=style.REFERENCE_COLOR, linewidth=2)
-        for one, _, ink in ranked:
-            measured = one["quadrature_deflection"][row] * 1e6
-            axes.plot(x[row], measured, mark, color=ink, markersize=3.5)
-        axes.plot([], [], mark, color=grey, markersize=4, label=name)
-    axes.plot([], [], color=style.REFERENCE_COLOR, linewidth=2, label="true")
-    if all(one["quadrature_deflection"].isnull().all() for one, *_ in ranked):
-        place: Any = {"ha": "center", "va": "center", "transform": axes.transAxes}
-        axes.text(0.5, 0.5, "one instant shows\none instant alone", color=grey, **place)
-    style.add_legend(axes, room=0.2, ncols=3, columnspacing=1, handlelength=1.2)
 
 
 def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
@@ -68,8 +61,19 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     n = part.sizes["frame_rate"]
     drawing = Figure(figsize=(7.6, 1.2 + 1.15 * max(n, 3)), layout="constrained")
     left, right = drawing.subfigures(1, 2, squeeze=False)[0]
-    for r, axes in enumerate(np.atleast_1d(left.subplots(n, 1))):
-        _spectrum_panel(axes, part.isel(frame_rate=r), r)
+    panels = np.atleast_1d(left.subplots(n, 1))
+    for r, (axes, one) in enumerate(zip(panels, iterate_slices(part, "frame_rate"), strict=True)):
+        rate, true = float(one["frame_rate"]), float(one["frequency"])
+        shown, ink = float(one["alias_frequency"]), style.cycle_color(r)
+        axes.plot(one["spectrum_frequency"], one["spectrum"], color=ink, linewidth=1.2)
+        aliased = abs(true - shown) > 1e-6
+        ink = style.HIGHLIGHT_COLOR if aliased else style.BLACK_COLOR
+        axes.axvline(shown, color=ink, linewidth=0.8, linestyle="--")
+        text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
+        side, offset = ("right", -3) if shown > 0.6 * rate / 2 else ("left", 3)
+        place: Any = {"textcoords": "offset points", "va": "bottom", "ha": side}
+        axes.annotate(text, (shown, 1.0), (offset, 1), fontsize=7, color=ink, **place)
+        axes.set(xlim=(0, rate / 2), ylim=(0, 1.25), yticks=[0, 1], ylabel=f"{rate:g} fps")
     left.axes[0].set_title("(a) share explained by a harmonic")
     left.axes[-1].set_xlabel("frequency in Hz, up to half of the frame rate")
     misfits, costs = right.subplots(2, 1)
@@ -95,21 +99,6 @@ def _mark_rates(axes: Axes, part: xr.Dataset, x: str, y: str) -> None:
     for r, one in enumerate(iterate_slices(part, "frame_rate")):
         label = f"{one['frame_rate'].item():g} fps"
         axes.plot(one[x], one[y], "o", markersize=4, color=style.cycle_color(r), label=label)
-
-
-def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
-    rate = float(one["frame_rate"])
-    ink = style.cycle_color(number)
-    axes.plot(one["spectrum_frequency"], one["spectrum"], color=ink, linewidth=1.2)
-    true, shown = float(one["frequency"]), float(one["alias_frequency"])
-    aliased = abs(true - shown) > 1e-6
-    ink = style.HIGHLIGHT_COLOR if aliased else style.BLACK_COLOR
-    axes.axvline(shown, color=ink, linewidth=0.8, linestyle="--")
-    text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
-    right = shown > 0.6 * rate / 2
-    place: Any = {"textcoords": "offset points", "va": "bottom", "ha": "right" if right else "left"}
-    axes.annotate(text, (shown, 1.0), (-3 if right else 3, 1), fontsize=7, color=ink, **place)
-    axes.set(xlim=(0, rate / 2), ylim=(0, 1.25), yticks=[0, 1], ylabel=f"{rate:g} fps")
 
 
 # What tables need besides the cube.
