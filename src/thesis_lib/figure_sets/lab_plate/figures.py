@@ -42,8 +42,7 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     axes["c"].set_title(f"(c) pressure: {planes}")
     handles = axes["b"].get_legend_handles_labels()
     for name in "bc":
-        legend = axes[name].get_legend()
-        if legend is not None:
+        if legend := axes[name].get_legend():
             legend.remove()
         axes[name].set_ylim(top=axes[name].get_ylim()[1] / 1.25)  # the legend stands outside
     drawing.legend(*handles, loc="outside lower center", ncols=4)
