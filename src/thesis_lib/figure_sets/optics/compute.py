@@ -7,7 +7,6 @@ these only the strip that holds the beam is drawn. They are ``(rows, columns)`` 
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -36,28 +35,15 @@ def run(study: Cameras) -> xr.Dataset:
     ``distance`` holds those asked for among others; ``quantity``, ``value`` and ``unit`` are what
     runs are compared by.
     """
-    cube = xr.Dataset(coords=_coordinates(study))
-    for part in (_views, _projections, _horizons, _pictures, _sharpness, _stereo, _summary):
-        cube = cube.assign(label_values(part(cube, study), VARIABLES))
-    return cube
-
-
-def focal_px(study: Cameras) -> float:
-    """Return the focal length in px of the images that are not drawn."""
-    return study.focal_length_mm * study.resolution_px[0] / study.sensor_width_mm
-
-
-def _coordinates(study: Cameras) -> dict[str, Any]:
     asked = np.array(study.distances_mm) / 1000
     curve = np.geomspace(asked.min(), MAX_DISTANCE_RATIO * asked.max(), CURVE_POINTS)
-    every = np.unique(np.round(np.concatenate([curve, asked]), 9))
-    values = {
+    coordinates = {
         "sensor": list(study.sensors_mm),
         "side": list(SENSOR_SIDES),
         "focal_length": np.array(study.focal_lengths_mm) / 1000,
         "ratio": list(ASPECT_RATIOS),
         "format_width": study.format_widths_px,
-        "distance": every,
+        "distance": np.unique(np.round(np.concatenate([curve, asked]), 9)),
         "shown_distance": np.round(asked, 9),
         "projection": ["pinhole", "one depth"],
         "axis": ["u", "v"],
@@ -68,7 +54,15 @@ def _coordinates(study: Cameras) -> dict[str, Any]:
         "f_number": study.f_numbers,
         "baseline": np.array(study.baselines_mm) / 1000,
     }
-    return label_values(values, COORDINATES)
+    cube = xr.Dataset(coords=label_values(coordinates, COORDINATES))
+    for part in (_views, _projections, _horizons, _pictures, _depths, _summary):
+        cube = cube.assign(label_values(part(cube, study), VARIABLES))
+    return cube
+
+
+def focal_px(study: Cameras) -> float:
+    """Return the focal length in px of the images that are not drawn."""
+    return study.focal_length_mm * study.resolution_px[0] / study.sensor_width_mm
 
 
 def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
@@ -150,30 +144,24 @@ def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     }
 
 
-def _sharpness(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """Compute the depth of field of a lens (Appendix A)."""
+def _depths(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """Compute a lens's depth of field (Appendix A), two parallel cameras' depth error (B)."""
     focal, circle = study.focal_length_mm / 1000, study.circle_mm / 1000
     d, N = cube["distance"].values, cube["f_number"].values
     near, far = optics.depth_of_field(focal, N[:, None], d, circle)
+    b, f = cube["baseline"].values[:, None], focal_px(study)
+    shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0]
+    found = optics.round_depth(d, b, f, shifts)
     return {
         "near_limit": near,
         "far_limit": far,
         "hyperfocal_distance": optics.hyperfocal_distance(focal, N, circle),
         "circle": study.circle_mm * study.resolution_px[0] / study.sensor_width_mm,
         "magnification": optics.image_magnification(focal, d),
-    }
-
-
-def _stereo(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """Compute the depth error of two parallel cameras (Appendix B)."""
-    z, b, f = cube["distance"].values, cube["baseline"].values[:, None], focal_px(study)
-    shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0]
-    found = optics.round_depth(z, b, f, shifts)
-    return {
-        "disparity": optics.stereo_disparity(z, b, f),
-        "depth_error": optics.depth_error(z, b, f, study.disparity_error_px),
-        "rounding_depth_error": optics.depth_error(z, b, f, ROUNDED_PX),
-        "rounded_depth_error": np.sqrt(np.mean((found - z) ** 2, axis=0)),
+        "disparity": optics.stereo_disparity(d, b, f),
+        "depth_error": optics.depth_error(d, b, f, study.disparity_error_px),
+        "rounding_depth_error": optics.depth_error(d, b, f, ROUNDED_PX),
+        "rounded_depth_error": np.sqrt(np.mean((found - d) ** 2, axis=0)),
     }
 
 
@@ -341,22 +329,16 @@ def colour_loss(picture: BeamPicture, block: int, pattern: str) -> dict[str, Arr
     moved = picture.centroids(found, block) - picture.centroids(true, block)
     moved = moved[np.isfinite(moved).all(axis=1)]
     sizes = np.bincount(picture.cells(block).ravel() + 1, minlength=2)[1:]
-    part = _crop(picture, block, int(np.argmax(sizes)))
+    u, v = picture.images(picture.structure.markers[0][[np.argmax(sizes)]], block)[:, 0]
+    part = []  # rows and columns around it
+    for middle, size, whole in zip((v, u), CROP_SIZE_PX, raw.shape, strict=True):
+        start = int(np.clip(round(middle - size / 2), 0, max(whole - size, 0)))
+        start -= start % 2  # so that the filters' pattern begins as the sensor's does
+        part.append(slice(start, min(start + size, whole)))
     stages = true, np.where(masks, raw[..., None], 0.0), found
     return {
-        "colour_picture": np.array([stage[part] for stage in stages], "f4"),
+        "colour_picture": np.array([stage[*part] for stage in stages], "f4"),
         "colour_error": 100 * float(np.sqrt(np.mean(difference**2))),
         "largest_colour_error": 100 * float(np.max(np.abs(difference))),
         "centre_shift": float(np.sqrt(np.mean(moved**2))) if len(moved) else np.nan,
     }
-
-
-def _crop(picture: BeamPicture, block: int, marker: int) -> tuple[slice, slice]:
-    shape = (picture.beam.shape[0] // block, picture.beam.shape[1] // block)
-    u, v = picture.images(picture.structure.markers[0][[marker]], block)[:, 0]
-    parts = []
-    for middle, size, whole in zip((v, u), CROP_SIZE_PX, shape, strict=True):
-        start = int(np.clip(round(middle - size / 2), 0, max(whole - size, 0)))
-        start -= start % 2  # so that the filters' pattern begins as the sensor's does
-        parts.append(slice(start, min(start + size, whole)))
-    return parts[0], parts[1]
