@@ -142,21 +142,6 @@ def _layouts(structure: str, layouts: dict[str, Any], **more: Any) -> CameraStud
     return camera_study(f"{structure}-arrays", {"cases": [], "layouts": layouts, **more})
 
 
-def _corners(structure: str) -> Source:
-    """Return sixteen layouts: few or many, low or high, wide or narrow, near or far."""
-    near = setups.setup_table(structure, "arrays")["distance_mm"]
-    layouts: dict[str, Any] = {}
-    for n, phi, half in product(("few", "many"), ("low", "high"), ("wide", "narrow")):
-        halves = WIDE_DEG if half == "wide" else NARROW_DEG
-        middle = [(halves[2] + halves[3]) / 2]
-        elevation = LOW_DEG if phi == "low" else HIGH_DEG
-        pairs = halves if n == "many" else middle
-        cameras = [[side * azimuth, elevation] for azimuth in pairs for side in (1, -1)]
-        layouts[f"{n} {phi} {half}"] = [cameras]
-    runs = [_layouts(structure, layouts, distance_mm=d) for d in (near, FAR_RATIO * near)]
-    return Source(tuple(runs), partial(_named_after, "{case} {label}", ("near", "far")))
-
-
 def _structure_sources(structure: str) -> dict[str, Source]:
     """Return the ledger's own runs for beam or plate."""
     order = camera_study(
@@ -213,10 +198,20 @@ def _askew(study: CameraStudy) -> list[verdicts.Series]:
 
 def own_sources() -> dict[str, Source]:
     """Return the ledger's own runs, by name, without ``ASKEW_PLATE``."""
+    near = setups.setup_table("beam", "arrays")["distance_mm"]
+    layouts: dict[str, Any] = {}  # sixteen: few or many, low or high, wide or narrow, near or far
+    for n, phi, half in product(("few", "many"), ("low", "high"), ("wide", "narrow")):
+        halves = WIDE_DEG if half == "wide" else NARROW_DEG
+        pairs = halves if n == "many" else [(halves[2] + halves[3]) / 2]
+        elevation = LOW_DEG if phi == "low" else HIGH_DEG
+        cameras = [[side * azimuth, elevation] for azimuth in pairs for side in (1, -1)]
+        layouts[f"{n} {phi} {half}"] = [cameras]
+    corners = tuple(_layouts("beam", layouts, distance_mm=d) for d in (near, FAR_RATIO * near))
+    named = partial(_named_after, "{case} {label}", ("near", "far"))
     return {
         **_structure_sources("beam"),
         **_structure_sources("plate"),
-        "beam-corners": _corners("beam"),
+        "beam-corners": Source(corners, named),
     }
 
 

@@ -1,7 +1,7 @@
 """Figures and tables of the ledger: claimed against computed values, chapter by chapter."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from itertools import product
 from typing import Any
 
@@ -9,7 +9,6 @@ import anywidget
 import numpy as np
 import traitlets
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 from scipy.stats import binomtest
@@ -36,15 +35,9 @@ def chapter(cube: xr.Dataset, number: int) -> Figure:
     part = [e for e in every if np.isfinite([e.least, e.most, e.median]).all()]
     bounds = sum(not np.isfinite([e.least, e.most]).all() for e in every)
     drawing, (left, right) = style.subplots(1, 2, figsize=(7.6, 3.6))
-    _against(left, part, bounds)
-    _ratios(right, part)
-    return drawing
-
-
-def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
     ends = [e.least for e in part] + [e.most for e in part] + [e.high for e in part]
     span = np.array([0.7 * min(*ends, *(e.low for e in part)), 1.4 * max(ends)])
-    axes.plot(span, span, color=style.REFERENCE_COLOR, lw=1, zorder=1)
+    left.plot(span, span, color=style.REFERENCE_COLOR, lw=1, zorder=1)
     for verdict, (color, shape) in VERDICT_MARKS.items():
         chosen = [(e.least, e.most, e.low, e.median, e.high) for e in part if e.verdict == verdict]
         if not chosen:
@@ -53,33 +46,31 @@ def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
         stated = np.sqrt(least * most)
         reach, band = (stated - least, most - stated), (median - low, high - median)
         look: Any = {"ls": "none", "marker": shape, "ms": 4, "color": color, "elinewidth": 0.6}
-        axes.errorbar(stated, median, band, reach, label=f"{verdict} ({len(chosen)})", **look)
-    axes.set(xscale="log", yscale="log", xlim=span, ylim=span, aspect="equal")
-    axes.set(xlabel="stated, %", ylabel="this book, %")
-    axes.set_title("(a) stated against median and 5–95 % band")
-    for axis in (axes.xaxis, axes.yaxis):
+        left.errorbar(stated, median, band, reach, label=f"{verdict} ({len(chosen)})", **look)
+    left.set(xscale="log", yscale="log", xlim=span, ylim=span, aspect="equal")
+    left.set(xlabel="stated, %", ylabel="this book, %")
+    left.set_title("(a) stated against median and 5–95 % band")
+    for axis in (left.xaxis, left.yaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
     title = f"without {bounds} bounds" if bounds else None
-    axes.legend(loc="upper left", title=title, title_fontsize="small")
-
-
-def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
+    left.legend(loc="upper left", title=title, title_fontsize="small")
     ratios = np.log2([e.median / np.sqrt(e.least * e.most) for e in part])
-    words, median = np.array([e.verdict for e in part]), float(np.median(ratios))
+    words, middle = np.array([e.verdict for e in part]), float(np.median(ratios))
     edge = max(1.0, np.ceil(4 * np.abs(ratios).max()) / 4)
     bins = np.arange(-edge, edge + 0.01, 0.25).tolist()
     stacks = [ratios[words == verdict] for verdict in VERDICT_MARKS]
     colors = [color for color, _ in VERDICT_MARKS.values()]
-    axes.hist(stacks, bins=bins, stacked=True, label=list(VERDICT_MARKS), color=colors)
+    right.hist(stacks, bins=bins, stacked=True, label=list(VERDICT_MARKS), color=colors)
     ticks = np.arange(-np.floor(edge), np.floor(edge) + 1)
-    axes.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
-    axes.axvline(0, color=style.REFERENCE_COLOR, lw=1)
-    axes.axvline(median, color=style.BLACK_COLOR, lw=1, ls="--")
-    where: Any = {"ha": "right", "va": "top", "transform": axes.transAxes, "fontsize": 8}
-    axes.text(0.98, 0.96, f"median ratio {2**median:.2f}", **where)
-    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set(title="(b) median over stated", xlabel="ratio", ylabel="stated values")
+    right.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
+    right.axvline(0, color=style.REFERENCE_COLOR, lw=1)
+    right.axvline(middle, color=style.BLACK_COLOR, lw=1, ls="--")
+    where: Any = {"ha": "right", "va": "top", "transform": right.transAxes, "fontsize": 8}
+    right.text(0.98, 0.96, f"median ratio {2**middle:.2f}", **where)
+    right.yaxis.set_major_locator(MaxNLocator(integer=True))
+    right.set(title="(b) median over stated", xlabel="ratio", ylabel="stated values")
+    return drawing
 
 
 def readings(cube: xr.Dataset) -> Figure:
