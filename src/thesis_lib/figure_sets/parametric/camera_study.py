@@ -110,8 +110,17 @@ class CameraStudy(Study):
     def _check_together(self) -> CameraStudy:
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
             self.refuse("amplitude_mm", CAMERA_CONDITIONS["amplitude_mm"])
-        _check_memory(self)
         settings = self.thesis_settings()  # as given, so that a refusal says what was given
+        results = len(settings) * len(self.modes) * (self.trials + 1)
+        needed = BYTES_PER_DEFLECTION * self.structure.markers.shape[1] * results
+        if needed > MAX_MEMORY_BYTES:
+            fields.refuse_value(
+                "trials",
+                self.trials,
+                f"which with {len(settings)} settings and {len(self.modes)} modes would need "
+                f"{needed / 1e9:.3g} GB of memory, allowed: {MAX_MEMORY_BYTES / 1e9:.2g} GB or "
+                "less; ask for fewer trials, settings or modes",
+            )
         reach = 1000 * (math.hypot(*self.structure.extent) / 2 + max(self.peaks_m))
         name = "distances_mm" if "distances_mm" in type(self).model_fields else "distance_mm"
         for setting in settings:
@@ -124,20 +133,6 @@ class CameraStudy(Study):
                     fields.refuse_value("directions_deg", [azimuth, elevation], text)
             _check_coincidence(self, setting)
         return self
-
-
-def _check_memory(study: CameraStudy) -> None:
-    markers, settings = study.structure.markers.shape[1], len(study.thesis_settings())
-    deflections = markers * len(study.modes) * settings * (study.trials + 1)
-    needed = BYTES_PER_DEFLECTION * deflections
-    if needed > MAX_MEMORY_BYTES:
-        fields.refuse_value(
-            "trials",
-            study.trials,
-            f"which with {settings} settings and {len(study.modes)} modes would need "
-            f"{needed / 1e9:.3g} GB of memory, allowed: {MAX_MEMORY_BYTES / 1e9:.2g} GB or less; "
-            "ask for fewer trials, settings or modes",
-        )
 
 
 def _check_coincidence(study: CameraStudy, setting: setups.Setting) -> None:

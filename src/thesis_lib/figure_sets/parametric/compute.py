@@ -6,7 +6,7 @@ grid by s is ``rint(uv + s) − s`` with unchanged cameras, so all trials, all s
 image of a setting are one batch of points.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -83,7 +83,13 @@ def run(
         for name, one in schema.VARIABLES.items()
     }
     work = partial(block_results, points=points, asked=study.request)
-    blocks = _blocks(settings, study.trials, points[0].size)
+    blocks = (
+        workers.Block(index, run, setting)
+        for index, setting in enumerate(settings)
+        for run in workers.runs_of_trials(
+            study.trials, 16 * len(setting.directions_deg) * points[0].size
+        )
+    )
     for block, results in workers.compute_blocks(work, blocks, scheduler):
         for name, result in results.items():
             of_trials = "trial" in schema.VARIABLES[name].dims
@@ -94,11 +100,3 @@ def run(
     cube = cube.assign(schema.label_values(values, schema.VARIABLES, over=["setting"]))
     cube["predicted_error"].attrs["long_name"] = study.law
     return cube.assign(schema.camera_places(settings))
-
-
-def _blocks(settings: list[Setting], trials: int, n_points: int) -> Iterator[workers.Block]:
-    """Cut a study whose cameras see that many points, modes times markers, in a trial."""
-    for index, setting in enumerate(settings):
-        trial_bytes = 16 * len(setting.directions_deg) * n_points
-        for run in workers.runs_of_trials(trials, trial_bytes):
-            yield workers.Block(index, run, setting)

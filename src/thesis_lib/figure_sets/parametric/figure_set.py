@@ -11,14 +11,7 @@ from copy import copy
 from itertools import pairwise
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    Field,
-    TypeAdapter,
-    create_model,
-    model_validator,
-)
+from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, create_model, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs

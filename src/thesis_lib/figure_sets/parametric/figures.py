@@ -6,8 +6,9 @@ half as many errors as there are markers. Random shifts of the pixel grids undo 
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,22 @@ from thesis_lib.vibration.polygons import mesh_outline
 
 def error_table(cube: xr.Dataset) -> Markdown:
     """List errors by setting and mode: trial 0, median, 5–95 % band, law of rounding."""
-    columns = dict(_columns(cube))
+    columns = {}  # the errors of each mode, and of each plane of the sound, setting by setting
+    table = cubes.summarise_errors(cube).set_index(["error", "mode"])
+    for mode, (error, (_, plane)) in product(
+        cube["mode"].values.tolist(), cubes.ERROR_VARIABLES.items()
+    ):
+        if (error, mode) not in table.index or error == "max_point_error":
+            continue
+        predicted = cubes.predicted_value(cube, error).sel(mode=mode).values
+        cells = table.loc[[(error, mode)]].to_dict("records")
+        for i, cell in enumerate(cells):
+            cell["predicted"] = predicted[i]
+            if np.isnan(cell["trial_0"]):  # a nodal plane: relative to the other's pressure
+                part = cube["plane_error_of_larger"].isel(setting=i)
+                values = part.sel(mode=mode, plane=plane).values
+                cell["of_larger"] = np.median(values[1:] if values.size > 1 else values)
+        columns[f"mode {mode}" + (f", {plane}" if plane else "")] = cells
     rows = [
         {
             "case": str(cube["case"].values[i]),
@@ -51,24 +67,6 @@ def error_table(cube: xr.Dataset) -> Markdown:
         piston_size=float(cube["piston_size"].max()) if "piston_size" in cube else 0.0,
     )
     return Markdown(text)
-
-
-def _columns(cube: xr.Dataset) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """Yield the errors of each mode, and of each plane of the sound, setting by setting."""
-    table = cubes.summarise_errors(cube).set_index(["error", "mode"])
-    for mode in cube["mode"].values.tolist():
-        for error, (_, plane) in cubes.ERROR_VARIABLES.items():
-            if (error, mode) not in table.index or error == "max_point_error":
-                continue
-            predicted = cubes.predicted_value(cube, error).sel(mode=mode).values
-            cells = table.loc[[(error, mode)]].to_dict("records")
-            for i, cell in enumerate(cells):
-                cell["predicted"] = predicted[i]
-                if np.isnan(cell["trial_0"]):  # a nodal plane: relative to the other's pressure
-                    part = cube["plane_error_of_larger"].isel(setting=i)
-                    values = part.sel(mode=mode, plane=plane).values
-                    cell["of_larger"] = np.median(values[1:] if values.size > 1 else values)
-            yield f"mode {mode}" + (f", {plane}" if plane else ""), cells
 
 
 def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
@@ -172,9 +170,8 @@ def compare_accuracy(opened: Mapping[str, xr.Dataset]) -> str:
     """Compare errors of the shapes with those of the rectangle, and with the law, by mode."""
     plate, rows = opened[PLATE_SET], []
     for name, word in list(SHAPE_NAMES.items())[1:]:
-        for both in zip(
-            *(cubes.iterate_slices(c, "mode") for c in (opened[name], plate)), strict=True
-        ):
+        slices = (cubes.iterate_slices(cube, "mode") for cube in (opened[name], plate))
+        for both in zip(*slices, strict=True):
             rms = [selection.trial_rms(c["mean_error"]).values for c in both]
             laws = [c["predicted_error"].values for c in both]
             ratio, off = rms[0] / rms[1], rms[0] / laws[0] - 1

@@ -10,7 +10,7 @@ where they are a reader's own layouts.
 """
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -106,11 +106,7 @@ def run(
     reference = plate_cube["reference_deflection"].values
     deflections = plate_cube["measured_deflection"]
     settings, chosen = study.settings(), schema.extreme_settings(plate_cube)
-
-    n_modes = len(study.modes)
-    norms, largest = np.empty((2, n_modes, len(planes)))
-    fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
-    power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
+    ends = np.array(list(chosen.values()))
     omegas = [structure.resonance_frequency(plate, mode) for mode in study.modes]
     operators = [
         [plane_operator(plate, plane, omega, medium) for plane in planes] for omega in omegas
@@ -119,37 +115,29 @@ def run(
     told = min(LISTED_RADIATION_MODES, *(len(F) for of_mode in factors for F in of_mode))
     modes = [[radiation.radiation_modes(F)[:told] for F in of_mode] for of_mode in factors]
     parts = plate_pistons(plate)
-    for m, omega in enumerate(omegas):
-        velocity = 1j * omega * reference[m]
-        for p, (op, factor) in enumerate(zip(operators[m], factors[m], strict=True)):
-            fields[m, p] = op.field(velocity)
-            largest[m, p] = np.max(np.abs(fields[m, p]))
-            norms[m, p] = np.linalg.norm(factor)
-        piston_size[m] = omega / medium.speed_of_sound * max(parts.size)
-        power[m] = (
-            radiation.sound_power(parts, velocity, omega, medium),
-            radiation.radiation_efficiency(parts, velocity, omega, medium),
-        )
-
+    velocities = 1j * np.array(omegas)[:, None] * reference
+    moving = [(parts, v, omega, medium) for v, omega in zip(velocities, omegas, strict=True)]
+    power = np.array([radiation.sound_power(*one) for one in moving])
+    of_modes = zip(operators, velocities, strict=True)
+    fields = np.array([[op.field(v) for op in of_mode] for of_mode, v in of_modes])
+    largest = np.abs(fields).max(axis=(2, 3))
+    norms = np.array([[np.linalg.norm(F) for F in of_mode] for of_mode in factors])
     independent = np.array(omegas)[:, None] * norms
     amplitude = np.max(np.abs(reference), axis=1)[:, None]
     expected = np.maximum(largest, independent * amplitude).max(axis=1, keepdims=True)
     usable = np.where(largest > MAX_NODAL_PRESSURE_RATIO * expected, largest, np.nan)
     greater = np.fmax.reduce(usable, axis=1, keepdims=True)  # NaN if both planes are nodal
-    kept = {
-        str(name): coordinate
-        for name, coordinate in plate_cube.coords.items()
-        if coordinate.dims in (("setting",), ("mode",), ("trial",))
-    }
+    lines = ("setting",), ("mode",), ("trial",)
+    kept = {str(name): one for name, one in plate_cube.coords.items() if one.dims in lines}
     cube = xr.Dataset(coords={**kept, **schema.field_coordinates(planes, list(chosen))})
     values = {
         "independent_ratio": independent * amplitude / usable,
         "independent_share": np.sum(np.square(modes), axis=-1) / norms[..., None] ** 2,
         "largest_pressure": largest,
         **sum_errors(study, fields, usable),
-        "best_and_worst": np.array(list(chosen.values())),
-        "piston_size": piston_size,
-        "radiation_efficiency": power[:, 1],
+        "best_and_worst": ends,
+        "piston_size": np.array(omegas) / medium.speed_of_sound * max(parts.size),
+        "radiation_efficiency": [radiation.radiation_efficiency(*one) for one in moving],
         "pressure_reference_real": fields.real.astype("float32"),
         "pressure_reference_imag": fields.imag.astype("float32"),
     }
@@ -161,28 +149,22 @@ def run(
         cube[name] = plate_cube[name]
     if study.amplitude_mm == "force":  # only then are they newtons
         levels = {
-            "sound_power": power[:, 0],
-            "sound_power_level": radiation.power_level(power[:, 0]),
+            "sound_power": power,
+            "sound_power_level": radiation.power_level(power),
             "largest_pressure_level": radiation.pressure_level(largest),
         }
         cube = cube.assign(schema.label_values(levels, LEVEL_VARIABLES))
 
-    points = np.stack(
-        [
-            structure.world_points(plate, np.stack([np.zeros_like(shape), shape]))
-            for shape in reference
-        ]
-    )
+    shapes = np.stack([np.zeros_like(reference), reference], axis=1)  # at rest and deflected
+    points = np.stack([structure.world_points(plate, both) for both in shapes])
     known = study.rest == "known"
     shared = (study.focal_length_mm, study.sensor_width_mm, known, study.noise_px)
     work = _Sound(shared, omegas, points, factors, modes)
-
-    def blocks() -> Iterator[workers.Block]:
-        trial_bytes = 8 * reference.size
-        for index, setting in enumerate(settings):
-            for trials in workers.runs_of_trials(study.trials, trial_bytes):
-                yield workers.Block(index, trials, (setting, deflections[index, :, trials].values))
-
+    blocks = (
+        workers.Block(index, trials, (setting, deflections[index, :, trials].values))
+        for index, setting in enumerate(settings)
+        for trials in workers.runs_of_trials(study.trials, 8 * reference.size)
+    )
     sizes = {**cube.sizes, **plate_cube.sizes}
     target = {
         name: np.empty(
@@ -191,7 +173,7 @@ def run(
         for name, one in VARIABLES.items()
         if name not in values
     }
-    for block, found in workers.compute_blocks(work, blocks(), scheduler):
+    for block, found in workers.compute_blocks(work, blocks, scheduler):
         target["plane_error"][block.place] = 100 * found["rms"] / usable[:, None]
         target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
         if "predicted" in found:
@@ -199,14 +181,12 @@ def run(
             for name in ("coherence", "radiated_share"):
                 target[name][block.setting] = found[name]
     target["deflection_error"] = plate_cube["mean_error"].values
-    for c, of_case in enumerate(chosen.values()):
-        for m, omega in enumerate(omegas):
-            for x, setting in enumerate(of_case[m]):
-                literal = deflections[setting, m, 0].values.astype(float)
-                for p, op in enumerate(operators[m]):
-                    pressure = op.field(1j * omega * literal)
-                    target["pressure_measured_real"][c, m, x, p] = pressure.real
-                    target["pressure_measured_imag"][c, m, x, p] = pressure.imag
+    for c, m, x in np.ndindex(ends.shape[:3]):  # case, mode, and the best or worst setting
+        literal = deflections[ends[c, m, x], m, 0].values.astype(float)
+        for p, op in enumerate(operators[m]):
+            pressure = op.field(1j * omegas[m] * literal)
+            target["pressure_measured_real"][c, m, x, p] = pressure.real
+            target["pressure_measured_imag"][c, m, x, p] = pressure.imag
     cube = cube.assign(schema.label_values(target, VARIABLES))
     cube["predicted_error"].attrs["long_name"] = study.law
     others = [name for name in cube.data_vars if name not in VARIABLES]
@@ -295,31 +275,21 @@ def turn_pairs(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:
     return camera_study("sound-arrays", common | own)
 
 
-def law_errors(study: Any, reference: Array) -> Array:
-    """Return field errors (turns, elevations, modes, planes) in % by the law of rounding.
-
-    `study` is the request of ``sound-aperture``; `reference` (modes, markers) has true deflections
-    in m.
-    """
-    plate, known = study.structure, study.rest == "known"
+def compare_turns(study: Any, plate_cube: xr.Dataset, turned: xr.Dataset) -> dict[str, Any]:
+    """Compute the variables that only ``sound-aperture`` has, from the cube of the turned pairs."""
+    plate, elevations, known = study.structure, study.elevations_deg, study.rest == "known"
+    reference = plate_cube["reference_deflection"].values
     settings = turn_pairs(study, LAW_TURNS_DEG.tolist()).settings()
-    found = []
+    law_errors = []  # of the field in %, by the law of rounding
     for mode, shape in zip(study.modes, reference, strict=True):
-        heard_ = PlateSound.from_shape(
-            plate, study.planes, study.medium, structure.resonance_frequency(plate, mode), shape
-        )
+        omega = structure.resonance_frequency(plate, mode)
+        heard = PlateSound.from_shape(plate, study.planes, study.medium, omega, shape)
         rest, bent = np.moveaxis(structure.world_points(plate, np.stack([0 * shape, shape])), 1, 0)
         for setting in settings:
             P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
             C = rounding.deflection_covariance(P, rest, bent, known, study.noise_px)
-            found.append(heard_.expected_plane_errors(C))
-    by_mode = np.reshape(found, (len(reference), len(LAW_TURNS_DEG), -1, len(study.planes)))
-    return np.moveaxis(by_mode, 0, 2)
-
-
-def compare_turns(study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset) -> dict[str, Any]:
-    """Compute the variables that only ``sound-aperture`` has, from the cube of the turned pairs."""
-    elevations = study.elevations_deg  # type: ignore[attr-defined]
+            law_errors.append(heard.expected_plane_errors(C))
+    sizes = len(reference), len(LAW_TURNS_DEG), len(elevations), len(study.planes)
 
     def by_turn(values: xr.DataArray) -> Any:
         return values.values.reshape(len(TURNS_DEG), len(elevations), *values.shape[1:])
@@ -332,7 +302,7 @@ def compare_turns(study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset
         "turn": TURNS_DEG,
         "elevation": elevations,
         "law_turn": LAW_TURNS_DEG,
-        "turned_law_error": law_errors(study, plate_cube["reference_deflection"].values),
+        "turned_law_error": np.moveaxis(np.reshape(law_errors, sizes), 0, 2),
         "turned_error": by_turn(turned["predicted_error"]),
         "turned_simulated": rms_of_trials("plane_error"),
         "turned_deflection": rms_of_trials("deflection_error"),

@@ -49,7 +49,22 @@ def run(study: Planner) -> xr.Dataset:
     cube = cube.assign(
         label_values(dict(zip(OF_THESIS, np.moveaxis(own, 1, 0), strict=True)), OF_THESIS)
     )
-    cube = cube.assign(label_values(_summary(cube, study), VARIABLES))
+    rows: list[tuple[str, float, str]] = []  # the published and compared quantities
+    width = study.resolutions_px[0][0]
+    for name in plans:
+        one = cube.sel(question=name)
+        for i in np.flatnonzero(one["width_px"].values == width):
+            n = int(one["n_cameras"][i])
+            expected = float(one["expected_error"][i])
+            rows.append((f"{name}, {n} cameras, averaged error", expected, "percent"))
+        best = cheapest_option(one, study.target_percent)
+        rate = np.nan if best is None else float(one["cost"][best]) / 1e6
+        rows.append((f"{name}, cheapest for the target", rate, "million pixels/s"))
+    ratio = cube["simulated_error"] / cube["predicted_error"]
+    rows.append(("simulated over predicted, least", float(ratio.min()), "1"))
+    rows.append(("simulated over predicted, largest", float(ratio.max()), "1"))
+    summary = dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))
+    cube = cube.assign(label_values(summary, VARIABLES))
     return cube.assign(_for_sound(study, plans[READABLE_QUESTIONS["plate"]]))
 
 
@@ -88,12 +103,11 @@ def _of_thesis(study: Planner, made: planner.Plan, body: str) -> Array:
         cost = errors.layout_cost(scene, layout, "mean")
         if number not in counts or not np.isfinite(cost):
             continue
-        at = (slice(None), cases.index(case), counts.index(number))
         point = errors.predict_errors(scene, layout, width)
         draws = study.trials, study.seed, "least-squares"
         drawn = errors.draw_errors(scene, layout, width, *draws)
         expected = factor * np.sqrt(cost)
-        found[at] = (
+        found[:, cases.index(case), counts.index(number)] = (
             expected,
             np.max(errors.objective_error(point, "mean")),
             np.max(errors.simulate_errors(scene, drawn, "mean", point)[0]),
@@ -107,11 +121,10 @@ def _for_sound(study: Planner, made: planner.Plan) -> dict[str, Any]:
     """Return the plate's layouts for shape and sound, at the first resolution."""
     request = made.request.model_copy(update={"goal": "sound"})
     by_shape = [one for one in made.options if one.kind == 0]
-    both = list(zip(by_shape, planner.for_sound(by_shape, request), strict=True))
     counts = sorted(study.counts)
     found = np.full((2, len(counts), 2, len(request.modes)), np.nan)
     shape, places = found[0, :, :, 0].copy(), np.full((3, len(counts), 2, max(counts)), np.nan)
-    for plans in both:
+    for plans in zip(by_shape, planner.for_sound(by_shape, request), strict=True):
         count = len(plans[0].layout)
         i = counts.index(count)
         for j, option in enumerate(plans):
@@ -132,22 +145,3 @@ def cheapest_option(one: xr.Dataset, target: float) -> int | None:
     worst, cost = np.max(kinds, axis=0), one["cost"].values
     good = [i for i in range(len(worst)) if worst[i] <= target]
     return min(good, key=lambda i: (cost[i], worst[i]), default=None)
-
-
-def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:
-    """Return the published and compared quantities."""
-    rows: list[tuple[str, float, str]] = []
-    width = study.resolutions_px[0][0]
-    for name in cube["question"].values.tolist():
-        one = cube.sel(question=name)
-        for i in np.flatnonzero(one["width_px"].values == width):
-            n = int(one["n_cameras"][i])
-            expected = float(one["expected_error"][i])
-            rows.append((f"{name}, {n} cameras, averaged error", expected, "percent"))
-        best = cheapest_option(one, study.target_percent)
-        rate = np.nan if best is None else float(one["cost"][best]) / 1e6
-        rows.append((f"{name}, cheapest for the target", rate, "million pixels/s"))
-    ratio = cube["simulated_error"] / cube["predicted_error"]
-    rows.append(("simulated over predicted, least", float(ratio.min()), "1"))
-    rows.append(("simulated over predicted, largest", float(ratio.max()), "1"))
-    return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))

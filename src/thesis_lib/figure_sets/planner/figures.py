@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from IPython.display import HTML
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.planner import figure_set
@@ -194,36 +193,30 @@ def layouts(cube: xr.Dataset) -> Figure:
     shown = [str(q) for q in cube["question"].values if "read" not in str(q)]
     rows = -(-len(shown) // 3)
     drawing, grid = style.subplots(2 * rows, 3, figsize=(7.6, 3.6 * rows), squeeze=False)
-    columns = (
-        grid.reshape(rows, 2, 3).swapaxes(1, 2).reshape(-1, 2)
-    )  # two panels, question by question
+    columns = grid.reshape(rows, 2, 3).swapaxes(1, 2).reshape(-1, 2)  # two panels for a question
     for column, question in zip(columns, shown, strict=False):
         at = nearest_option(cube, question, SHOWN_CAMERAS)
         part = cube.sel(question=question).isel(option=at)
+        obstacle = figure_set.BLOCKED_QUESTIONS.get(question)
+        low, high = (getattr(part["camera_position"], end)().item() for end in ("min", "max"))
+        reach = max(abs(low), high)
+        along, up = np.array([-1, 1, 1, -1]) * reach, np.array([0, 0, 1, 1]) * 0.6 * reach
+        # The face of a wall at Y = 0 or of a machine, behind which no camera may stand
+        corners = along, np.zeros(4), up
+        if obstacle == "machine":
+            corners = np.full(4, figure_set.MACHINE_BOX_MM[0] / 1000), along, up
         for panel, (_, azimuth, elevation) in zip(column, plan_report.LAYOUT_VIEWS, strict=False):
             plan_report.layout_panel(panel, part, azimuth, elevation)
-            if question in figure_set.BLOCKED_QUESTIONS:
-                _draw_wall(panel, part, figure_set.BLOCKED_QUESTIONS[question], azimuth, elevation)
+            if obstacle:
+                face = plan_report.flatten_points(np.stack(corners, axis=1), azimuth, elevation)
+                panel.fill(*face.T, color=style.HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
+                where: Any = {"fontsize": 8, "ha": "center", "va": "top"}
+                panel.annotate(obstacle, face[1], color=style.HIGHLIGHT_COLOR, **where)
         column[0].set_title(question)
         column[1].set_gid(f"{style.BELOW_PANEL}-{question}")
     for spare in columns[len(shown) :].flat:
         spare.axis("off")
     return drawing
-
-
-def _draw_wall(
-    panel: Axes, part: xr.Dataset, obstacle: str, azimuth: float, elevation: float
-) -> None:
-    """Draw the face of a wall at Y = 0 or of a machine, behind which no camera may stand."""
-    low, high = (getattr(part["camera_position"], end)().item() for end in ("min", "max"))
-    reach = max(abs(low), high)
-    along, up = np.array([-1, 1, 1, -1]) * reach, np.array([0, 0, 1, 1]) * 0.6 * reach
-    across = np.full(4, figure_set.MACHINE_BOX_MM[0] / 1000 if obstacle == "machine" else 0.0)
-    corners = (across, along, up) if obstacle == "machine" else (along, across, up)
-    face = plan_report.flatten_points(np.stack(corners, axis=1), azimuth, elevation)
-    panel.fill(*face.T, color=style.HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
-    where: Any = {"fontsize": 8, "ha": "center", "va": "top"}
-    panel.annotate(obstacle, face[1], color=style.HIGHLIGHT_COLOR, **where)
 
 
 def front(cube: xr.Dataset) -> Figure:
