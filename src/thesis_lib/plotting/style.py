@@ -208,19 +208,8 @@ def find_panels(figure: Figure) -> str:
             boxes[boxes.index(upper)] = _join(upper, box)
         else:
             boxes.append(box)
-    boxes = _sort_for_reading(boxes)
-    if not any(_abreast(*two) for two in pairwise(boxes)):
-        return ""
-    return ";".join(
-        f"{100 * left:.1f} {100 * top:.1f} {100 * (right - left):.1f} {100 * (bottom - top):.1f}"
-        for left, top, right, bottom in boxes
-    )
-
-
-def _sort_for_reading(boxes: list[Box]) -> list[Box]:
-    """Sort boxes by row, and from left to right in each; narrow ones are part of what is left."""
     panels = [one for one in boxes if one[2] - one[0] > MAX_SCALE_WIDTH]
-    for scale in (one for one in boxes if one not in panels):  # of colours
+    for scale in (one for one in boxes if one not in panels):  # of colours: part of what is left
         left = [one for one in panels if one[0] < scale[0] and _abreast(one, scale)]
         if left:
             panels[panels.index(max(left))] = _join(max(left), scale)
@@ -232,7 +221,13 @@ def _sort_for_reading(boxes: list[Box]) -> list[Box]:
             rows[-1].append(box)
         else:
             rows.append([box])
-    return [box for row in rows for box in sorted(row)]
+    boxes = [box for row in rows for box in sorted(row)]
+    if not any(_abreast(*two) for two in pairwise(boxes)):
+        return ""
+    return ";".join(
+        f"{100 * left:.1f} {100 * top:.1f} {100 * (right - left):.1f} {100 * (bottom - top):.1f}"
+        for left, top, right, bottom in boxes
+    )
 
 
 def _join(one: Box, other: Box) -> Box:

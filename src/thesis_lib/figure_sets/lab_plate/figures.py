@@ -46,10 +46,26 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
             legend.remove()
         axes[name].set_ylim(top=axes[name].get_ylim()[1] / 1.25)  # the legend stands outside
     drawing.legend(*handles, loc="outside lower center", ncols=4)
-    rows = _map_deflections(part), _map_fields(part, case)
-    for row, (maps, (x, y), names, labels) in zip(("def", "ghi"), rows, strict=True):
+    x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
+    true = part["reference_deflection"].values.reshape(len(y), len(x))
+    ends = [one["measured_deflection"].values[0] for one, *_ in selection.rank_settings(part)]
+    errors = [(measured.reshape(true.shape) - true) * 1e6 for measured in ends]
+    shape = "(d) true deflection", true * 1000, 1000 * float(np.abs(true).max())
+    shapes = shape, *_name_errors(part, errors)
+    plane = part["plane"].values[np.argmax(np.nan_to_num(part["largest_pressure"].values))]
+    louder = part.sel(plane=plane)
+    scale, names = float(louder["largest_pressure"]), part["case_name"].values.tolist()
+    true = louder["pressure_reference_real"].values.T
+    filmed = louder["pressure_measured_real"].isel(case=names.index(case))
+    errors = [100 * (filmed.sel(extreme=end).values.T - true) / scale for end in ("best", "worst")]
+    fields = (f"(e) true pressure, {plane}", 100 * true / scale, 100.0), *_name_errors(part, errors)
+    u, z = part["u"].values * 1000, part["z"].values * 1000
+    for row, maps, places, across, labels in (
+        ("def", shapes, (x, y), "xy", ("w in mm", "error in µm")),
+        ("ghi", fields, (u, z), f"{plane[0]}Z", ("Re p in % of the largest", "error of Re p in %")),
+    ):
         panels = [axes[name] for name in row]
-        pictures = style.draw_maps(panels, maps, x, y, names, fontsize=8)
+        pictures = style.draw_maps(panels, maps, *places, across, fontsize=8)
         drawing.colorbar(pictures[0], ax=panels[0], shrink=0.8, label=labels[0])
         drawing.colorbar(pictures[1], ax=panels[1:], shrink=0.8, label=labels[1])
     return drawing
@@ -60,31 +76,6 @@ def _name_errors(part: xr.Dataset, errors: list[Any]) -> Any:
     limit = max(float(np.nanmax(np.abs(error))) for error in errors)
     for (one, word, _), error in zip(selection.rank_settings(part), errors, strict=True):
         yield f"error, {word}:\n{one['label'].item()}", error, limit
-
-
-def _map_deflections(part: xr.Dataset) -> tuple[Any, ...]:
-    """Return maps, places, and names of axes and colour bars: true deflection and its errors."""
-    x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
-    reference = part["reference_deflection"].values.reshape(len(y), len(x))
-    ends = [one["measured_deflection"].values[0] for one, *_ in selection.rank_settings(part)]
-    errors = [(measured.reshape(reference.shape) - reference) * 1e6 for measured in ends]
-    true = "(d) true deflection", reference * 1000, 1000 * float(np.abs(reference).max())
-    maps = true, *_name_errors(part, errors)
-    return maps, (x, y), ("x", "y"), ("w in mm", "error in µm")
-
-
-def _map_fields(part: xr.Dataset, case: str) -> tuple[Any, ...]:
-    """Return the same of the field on the louder plane."""
-    plane = part["plane"].values[np.argmax(np.nan_to_num(part["largest_pressure"].values))]
-    scale, names = float(part["largest_pressure"].sel(plane=plane)), part["case_name"].values
-    true = part["pressure_reference_real"].sel(plane=plane).values.T
-    filmed = part["pressure_measured_real"].isel(case=names.tolist().index(case))
-    filmed = filmed.sel(plane=plane)
-    ends = [filmed.sel(extreme=end).values.T for end in ("best", "worst")]
-    errors = _name_errors(part, [100 * (field - true) / scale for field in ends])
-    maps = (f"(e) true pressure, {plane}", 100 * true / scale, 100.0), *errors
-    labels = "Re p in % of the largest", "error of Re p in %"
-    return maps, (part["u"].values * 1000, part["z"].values * 1000), (plane[0], "Z"), labels
 
 
 # What tables need besides the cube.

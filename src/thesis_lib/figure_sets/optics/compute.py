@@ -135,12 +135,30 @@ def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
         np.kron(one, np.ones((block, block)))[::least, ::least]
         for one, block in zip(grey, blocks, strict=True)
     ]
+    true, pattern = picture.colours(least), study.bayer_pattern
+    raw = optics.bayer_mosaic(true, pattern)
+    filtered = np.where(optics.bayer_masks(raw.shape, pattern), raw[..., None], 0.0)
+    found = optics.demosaic_image(raw, pattern)
+    difference = (found - true)[optics.block_means(picture.beam, least) > 0]  # on the beam
+    moved = picture.centroids(found, least) - picture.centroids(true, least)
+    moved = moved[np.isfinite(moved).all(axis=1)]
+    sizes = np.bincount(picture.cells(least).ravel() + 1, minlength=2)[1:]
+    u, v = picture.images(picture.structure.markers[0][[np.argmax(sizes)]], least)[:, 0]
+    part = []  # rows and columns around the largest marker
+    for middle, size, whole in zip((v, u), CROP_SIZE_PX, raw.shape, strict=True):
+        start = int(np.clip(round(middle - size / 2), 0, max(whole - size, 0)))
+        start -= start % 2  # so that the filters' pattern begins as the sensor's does
+        part.append(slice(start, min(start + size, whole)))
     return {
         "pixelated": np.rint(255 * np.array(shown)).astype("u1"),
         "pixel_size": nearest / focal / np.array(study.widths_px),
         "marker_contrast": [100 * picture.contrast(block) for block in blocks],
         "variance_kept": [100 * one.var() / finest.var() for one in grey],
-        **colour_loss(picture, least, study.bayer_pattern),
+        # As it is, with each pixel in its filter's colour alone, and interpolated bilinearly
+        "colour_picture": np.array([stage[*part] for stage in (true, filtered, found)], "f4"),
+        "colour_error": 100 * float(np.sqrt(np.mean(difference**2))),
+        "largest_colour_error": 100 * float(np.max(np.abs(difference))),
+        "centre_shift": float(np.sqrt(np.mean(moved**2))) if len(moved) else np.nan,
     }
 
 
@@ -309,36 +327,3 @@ def _plane_points(
     behind = to_image[2] @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)]) <= 0
     x[behind.reshape(shape)] = np.nan
     return x, y
-
-
-def colour_loss(picture: BeamPicture, block: int, pattern: str) -> dict[str, ArrayLike]:
-    """Pass an image through colour filters and interpolate it back bilinearly.
-
-    `block` is the side of the sensor's pixels in finest ones, `pattern` has the colours of the
-    top-left two by two pixels. ``colour_picture`` (stage, rows, columns, 3) is the part around the
-    largest marker: as it is, with each pixel in its filter's colour alone, and interpolated. The
-    errors are the rms and the largest difference of the interpolated colours from the true ones on
-    the beam, in % of full scale; ``centre_shift`` is the rms shift of the markers' centres by it,
-    in px of each coordinate.
-    """
-    true = picture.colours(block)
-    raw = optics.bayer_mosaic(true, pattern)
-    found = optics.demosaic_image(raw, pattern)
-    masks = optics.bayer_masks(raw.shape, pattern)
-    difference = (found - true)[optics.block_means(picture.beam, block) > 0]
-    moved = picture.centroids(found, block) - picture.centroids(true, block)
-    moved = moved[np.isfinite(moved).all(axis=1)]
-    sizes = np.bincount(picture.cells(block).ravel() + 1, minlength=2)[1:]
-    u, v = picture.images(picture.structure.markers[0][[np.argmax(sizes)]], block)[:, 0]
-    part = []  # rows and columns around it
-    for middle, size, whole in zip((v, u), CROP_SIZE_PX, raw.shape, strict=True):
-        start = int(np.clip(round(middle - size / 2), 0, max(whole - size, 0)))
-        start -= start % 2  # so that the filters' pattern begins as the sensor's does
-        part.append(slice(start, min(start + size, whole)))
-    stages = true, np.where(masks, raw[..., None], 0.0), found
-    return {
-        "colour_picture": np.array([stage[*part] for stage in stages], "f4"),
-        "colour_error": 100 * float(np.sqrt(np.mean(difference**2))),
-        "largest_colour_error": 100 * float(np.max(np.abs(difference))),
-        "centre_shift": float(np.sqrt(np.mean(moved**2))) if len(moved) else np.nan,
-    }

@@ -283,10 +283,8 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     loudest = float(abs(ideal).max())
     scale, unit = (1000, "kPa") if loudest >= 1000 else (1, "Pa")
     for letter, row, plane in zip("bc", ("cde", "fgh"), ("XZ", "YZ"), strict=True):
-        silent, true = (
-            bool(part["independent_ratio"].isnull().sel(plane=plane)),
-            ideal.sel(plane=plane),
-        )
+        silent = bool(part["independent_ratio"].isnull().sel(plane=plane))
+        true = ideal.sel(plane=plane)
         wrong = (part["pressure_measured_real"].isel(of).sel(plane=plane) - true).values
         limit = float(np.abs(wrong).max())
         top = loudest if silent else float(abs(true).max())
