@@ -131,22 +131,16 @@ class CameraStudy(Study):
                 if not (math.isfinite(azimuth) and 0 < elevation <= 90):  # NaN is refused, too
                     text = DIRECTION_TEXT.format(fields.format_given(setting.case))
                     fields.refuse_value("directions_deg", [azimuth, elevation], text)
-            _check_coincidence(self, setting)
+            angles = np.radians(setting.directions_deg)
+            directions = hemisphere_directions(angles[:, 0], angles[:, 1])
+            apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
+            for pair in np.argwhere(np.triu(apart < 1e-6, k=1)):
+                given = [setting.directions_deg[camera] for camera in pair]
+                field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
+                if setting.case in getattr(self, "layouts", {}):
+                    field = "layouts"
+                elif given[0][1] < 90:
+                    field = "azimuth_deg"
+                text = COINCIDENT_TEXT.format(fields.format_given(setting.case), setting.label)
+                fields.refuse_value(field, given, text)
         return self
-
-
-def _check_coincidence(study: CameraStudy, setting: setups.Setting) -> None:
-    angles = np.radians(setting.directions_deg)
-    directions = hemisphere_directions(angles[:, 0], angles[:, 1])
-    apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
-    first, second = np.nonzero(np.triu(apart < 1e-6, k=1))
-    if len(first):
-        if setting.case in getattr(study, "layouts", {}):
-            field = "layouts"
-        elif setting.directions_deg[first[0]][1] < 90:
-            field = "azimuth_deg"
-        else:
-            field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
-        given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        text = COINCIDENT_TEXT.format(fields.format_given(setting.case), setting.label)
-        fields.refuse_value(field, given, text)

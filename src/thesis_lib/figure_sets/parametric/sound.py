@@ -29,7 +29,7 @@ from thesis_lib.acoustics.planes import (
 )
 from thesis_lib.acoustics.radiation import Medium, enough_nodes, integrate_pressure
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.facts.setups import OPPOSITE_DEG, Setting
+from thesis_lib.facts.setups import OPPOSITE_DEG
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.studies import schema, workers
@@ -59,18 +59,19 @@ class _Sound:
     modes: list[list[Array]]  # of radiation, the loudest of each plane
 
     def __call__(self, block: workers.Block) -> dict[str, Array]:
-        """Return rms errors (modes, trials, planes) in Pa; predicted ones with the first trials."""
+        """Return rms errors (modes, trials, planes) in Pa.
+
+        With the first trials also what the law of rounding predicts, (modes, planes, ...).
+        """
         setting, measured = block.load
         error = measured.astype(float) - self.points[:, 2, 1][:, None]
         rms = [
             omega * np.stack([np.linalg.norm(e @ F.T, axis=-1) for F in factors], axis=-1)
             for omega, e, factors in zip(self.omegas, error, self.factors, strict=True)
         ]
-        predicted = self.predict_setting(setting) if block.trials.start == 0 else {}
-        return {"rms": np.stack(rms), **predicted}
-
-    def predict_setting(self, setting: Setting) -> dict[str, Array]:
-        """Predict the errors of a setting by the law of rounding: (modes, planes, ...)."""
+        results = {"rms": np.stack(rms)}
+        if block.trials.start > 0:
+            return results
         focal_length_mm, sensor_width_mm, known, noise_px = self.study
         P = setting.cameras(focal_length_mm, sensor_width_mm).P
         predicted, coherence, share = [], [], []
@@ -83,7 +84,7 @@ class _Sound:
             coherence.append([radiation.coherence_ratio(F, C) for F in factors])
             share.append([radiation.mean_squares(ways, C) / square for ways, square in both])
         rows = {"predicted": predicted, "coherence": coherence, "radiated_share": share}
-        return {name: np.array(row) for name, row in rows.items()}
+        return results | {name: np.array(row) for name, row in rows.items()}
 
 
 def run(

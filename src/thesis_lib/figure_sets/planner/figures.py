@@ -33,12 +33,11 @@ def coarse_options(cube: xr.Dataset, question: str) -> xr.Dataset:
     return one.isel(option=one["width_px"].values == table_parameter(cube, "resolutions_px")[0][0])
 
 
-def _best_of_thesis(cube: xr.Dataset, body: str) -> Iterator[xr.Dataset | None]:
-    """Yield the thesis's layout with the least averaged error for each count, if it has any."""
+def _best_of_thesis(cube: xr.Dataset, body: str) -> Iterator[xr.Dataset]:
+    """Yield the thesis's layout with the least averaged error for each count, NaN without any."""
     for one in iterate_slices(cube.sel(structure=body), "count"):
-        expected = one["thesis_expected"].values
-        known = np.isfinite(expected).any()
-        yield one.isel(thesis_case=int(np.nanargmin(expected))) if known else None
+        expected = one["thesis_expected"].fillna(np.inf)
+        yield one.isel(thesis_case=int(expected.values.argmin()))
 
 
 def compare_with_thesis(cube: xr.Dataset) -> dict[str, Any]:
@@ -47,17 +46,17 @@ def compare_with_thesis(cube: xr.Dataset) -> dict[str, Any]:
     for body, question in figure_set.THESIS_QUESTIONS.items():
         plans = iterate_slices(coarse_options(cube, question), "option")
         for planned, own in zip(plans, _best_of_thesis(cube, body), strict=True):
-            error = np.nan if own is None else float(own["thesis_expected"])
+            error = float(own["thesis_expected"])
             rows.append(
                 {
                     "body": body,
                     "count": planned["n_cameras"],
-                    "case": "—" if own is None else own["thesis_case"].item(),
+                    "case": own["thesis_case"].item() if np.isfinite(error) else "—",
                     "own": error,
                     "planned": planned["expected_error"],
                     "less": 100 * (1 - planned["expected_error"] / error),
                     "bound": planned["bound"],
-                    "own_simulated": np.nan if own is None else own["thesis_simulated"],
+                    "own_simulated": own["thesis_simulated"],
                     "simulated": planned["simulated_error"].max(),
                 }
             )
@@ -70,7 +69,7 @@ def with_readable(cube: xr.Dataset) -> str:
     for body in figure_set.THESIS_QUESTIONS:
         plan = coarse_options(cube, figure_set.READABLE_QUESTIONS[body])["expected_error"].values
         for planned, own in zip(plan, _best_of_thesis(cube, body), strict=True):
-            if own is not None and np.isfinite(planned):
+            if np.isfinite(own["thesis_expected"]) and np.isfinite(planned):
                 worse.append(bool(planned > own["thesis_expected"]))
                 shares.append(100 * float(own["thesis_read_fraction"]))
     tilt, counted = table_parameter(cube, "tilt_deg"), {"worse": sum(worse), "pairs": len(worse)}
