@@ -99,7 +99,21 @@ class Planner(Study):
         wall, machine = BLOCKED_QUESTIONS
         asked[wall] = {"forbidden_sectors_deg": [WALL_SECTOR_DEG]}
         asked[machine] = {"forbidden_boxes_mm": [MACHINE_BOX_MM]}
-        return {name: self._question(name.partition(":")[0], more) for name, more in asked.items()}
+        made = {}
+        for name, more in asked.items():
+            body = name.partition(":")[0]
+            common: dict[str, Any] = {
+                "body": body,
+                "amplitude_mm": getattr(self, f"{body}_amplitude_mm"),
+                "target_percent": None,
+                "focal_lengths_mm": [self.focal_length_mm],
+                "distances_mm": free_room(body),
+                "elevations_deg": (self.elevation_deg, 90.0),
+            }
+            same = set(type(self).model_fields) & set(PlanRequest.model_fields) - {*common, "cube"}
+            common |= {key: getattr(self, key) for key in same}
+            made[name] = PlanRequest(**common | more)
+        return made
 
     def thesis_layouts(self, body: str) -> dict[tuple[str, int], Array]:
         """Return places of the thesis's growing arrays, by case and number of cameras."""
@@ -114,19 +128,6 @@ class Planner(Study):
             )
             for one in grown
         }
-
-    def _question(self, body: str, more: dict[str, Any]) -> PlanRequest:
-        amplitude = self.beam_amplitude_mm if body == "beam" else self.plate_amplitude_mm
-        common: dict[str, Any] = {
-            "body": body,
-            "amplitude_mm": amplitude,
-            "target_percent": None,
-            "focal_lengths_mm": [self.focal_length_mm],
-            "distances_mm": free_room(body),
-            "elevations_deg": (self.elevation_deg, 90.0),
-        }
-        same = set(type(self).model_fields) & set(PlanRequest.model_fields) - {*common, "cube"}
-        return PlanRequest(**common | {key: getattr(self, key) for key in same} | more)
 
     @model_validator(mode="after")
     def _check_together(self) -> Planner:
