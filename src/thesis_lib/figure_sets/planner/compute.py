@@ -83,8 +83,7 @@ def _whole(cube: xr.Dataset, made: planner.Plan, study: Planner) -> xr.Dataset:
     )
     rows = [have.get(pair, -1) for pair in wanted]
     cube = cube.isel(option=[max(row, 0) for row in rows])
-    missing = xr.DataArray(np.array(rows) < 0, dims="option")
-    cube = cube.where(~missing)
+    cube = cube.where(xr.DataArray(np.array(rows) >= 0, dims="option"))
     for name in ("outline", "frequency"):
         cube[name] = cube[name].isel(option=0, drop=True)
     for name, column in zip(("width_px", "n_cameras"), zip(*wanted, strict=True), strict=True):
