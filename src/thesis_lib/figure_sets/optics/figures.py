@@ -159,9 +159,8 @@ def _label_distances(axes: Axes, d: Array, label: str = "distance d in mm") -> N
 def choose_lens(cube: xr.Dataset) -> dict[str, Any]:
     """Return the cube at the focal length that is nearest to the book's."""
     book = json.loads(cube.attrs["parameters"])["focal_length_mm"] / 1000
-    return {
-        "lens": cube.isel(focal_length=int(abs(cube["focal_length"] - book).argmin("focal_length")))
-    }
+    nearest = int(abs(cube["focal_length"] - book).argmin("focal_length"))
+    return {"lens": cube.isel(focal_length=nearest)}
 
 
 def normal_lens(cube: xr.Dataset) -> dict[str, Any]:
