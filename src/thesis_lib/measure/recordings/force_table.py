@@ -80,13 +80,19 @@ class _Form:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=self.separator), [])]
 
     def number(self, cell: str) -> float | None:
-        """Return the number that a cell holds, None if it holds none."""
+        """Return the number that a cell holds, or the seconds of its time of day; else None."""
         thousands, grouped, plain = NUMBER_PATTERNS[self.decimal]
         if grouped.fullmatch(cell):
             cell = cell.replace(thousands, "")
-        if not plain.fullmatch(cell):
-            return _clock_seconds(cell)
-        return float(cell.replace(self.decimal, "."))
+        if plain.fullmatch(cell):
+            return float(cell.replace(self.decimal, "."))
+        match = CLOCK_PATTERN.fullmatch(cell)
+        if match is None:
+            return None
+        year, month, day, hours, minutes, seconds = match.groups()
+        days = dt.date(int(year), int(month), int(day)).toordinal() if year else 0
+        whole = 86400.0 * days + 3600 * int(hours) + 60 * int(minutes)
+        return whole + float(seconds.replace(",", "."))
 
     def parse(self, line: str) -> tuple[list[float | None], bool]:
         """Return the numbers of a line, None where a cell holds none, and whether it is data.
@@ -116,16 +122,6 @@ TABLE_FORMS = [_Form(s, d) for s in ("\t", ";", ",", "|", " ") for d in (".", ",
 QUOTED_FORM = _Form(",", ",")  # whose cells are in quotes
 
 
-def _clock_seconds(cell: str) -> float | None:
-    """Return the seconds of a time of day, or of a date and time; None if it is none."""
-    match = CLOCK_PATTERN.fullmatch(cell)
-    if match is None:
-        return None
-    year, month, day, hours, minutes, seconds = match.groups()
-    days = dt.date(int(year), int(month), int(day)).toordinal() if year else 0
-    return 86400.0 * days + 3600 * int(hours) + 60 * int(minutes) + float(seconds.replace(",", "."))
-
-
 def read_force_table(path: Path) -> ForceTable:
     """Read times and forces; a table that cannot be read, or in two ways, is a ForceError."""
     if path.stat().st_size > MAX_BYTES:
@@ -142,7 +138,19 @@ def read_force_table(path: Path) -> ForceTable:
     form, begin = _form_of(path, [line for _, line in numbered])
     head, body = numbered[:begin], numbered[begin:]
     width = Counter(len(form.cells(line)) for _, line in body[:LOOKED_AT]).most_common(1)[0][0]
-    values = _values(path, form, body, width)
+    rows = []
+    for number, line in body:
+        row, good = form.parse(line)
+        if not good:
+            raise ForceError(
+                f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, "
+                f"{EXAMPLE_TEXT}"
+            )
+        rows.append([*row[:width], *[None] * (width - len(row))])
+    values = np.array(rows, float)  # NaN where a cell is empty or a word
+    for k, cell in enumerate(form.cells(body[0][1])[:width]):
+        if CLOCK_PATTERN.fullmatch(cell):  # times of day count from the first
+            values[:, k] -= values[0, k]
     header = [form.cells(line) for _, line in head]
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
         raise ForceError(f"{path}: its commas part columns and mark decimals, {EXAMPLE_TEXT}")
@@ -151,7 +159,18 @@ def read_force_table(path: Path) -> ForceTable:
     times = values[:, time] * TIME_UNITS_S.get(units[time].lower(), 1.0)
     mega = units[force] == MEGANEWTON_UNIT  # "mn" are millinewtons
     newtons = values[:, force] * (1e6 if mega else FORCE_UNITS_N.get(units[force].lower(), 1.0))
-    _check(path, times, [number for number, _ in body], units[time], names[time])
+    for k in np.flatnonzero(np.diff(times) <= 0)[:1] + 1:
+        raise ForceError(
+            f"{path}: line {body[k][0]}: {times[k]:g} s, allowed: after the line before"
+        )
+    if len(times) < MIN_SAMPLES:
+        raise ForceError(f"{path}: {len(times)} samples, allowed: {MIN_SAMPLES} or more")
+    step = float(np.median(np.diff(times)))
+    if not units[time] and step > MAX_UNSTATED_STEP_S:
+        raise ForceError(
+            f"{path}: its times{_name_column(names, time)} step by {step:g} and have no unit, "
+            f"allowed: a unit, as time_ms or time_s, or steps up to {MAX_UNSTATED_STEP_S:g} s"
+        )
     told = [
         f"{kind} from column {k + 1}{_name_column(names, k)} in {units[k] or unit}"
         for kind, k, unit in (("time", time, "s"), ("force", force, "N"))
@@ -210,24 +229,6 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
         )
     )
     return form, begin
-
-
-def _values(path: Path, form: _Form, body: Sequence[tuple[int, str]], width: int) -> Array:
-    """Read the numbers of all rows, shape (rows, columns), NaN where a cell is empty or a word."""
-    rows = []
-    for number, line in body:
-        row, good = form.parse(line)
-        if not good:
-            raise ForceError(
-                f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, "
-                f"{EXAMPLE_TEXT}"
-            )
-        rows.append([*row[:width], *[None] * (width - len(row))])
-    found = np.array(rows, float)
-    for k, cell in enumerate(form.cells(body[0][1])[:width]):
-        if CLOCK_PATTERN.fullmatch(cell):  # times of day count from the first
-            found[:, k] -= found[0, k]
-    return found
 
 
 def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[str]]:
@@ -328,17 +329,3 @@ def _columns(
 
 def _name_column(names: Sequence[str], k: int) -> str:
     return f" ({names[k]})" if names[k] else ""
-
-
-def _check(path: Path, times: Array, lines: Sequence[int], unit: str, name: str) -> None:
-    """Refuse times that do not rise, are too few, or whose unit is in doubt."""
-    for k in np.flatnonzero(np.diff(times) <= 0)[:1] + 1:
-        raise ForceError(f"{path}: line {lines[k]}: {times[k]:g} s, allowed: after the line before")
-    if len(times) < MIN_SAMPLES:
-        raise ForceError(f"{path}: {len(times)} samples, allowed: {MIN_SAMPLES} or more")
-    step = float(np.median(np.diff(times)))
-    if not unit and step > MAX_UNSTATED_STEP_S:
-        raise ForceError(
-            f"{path}: its times{f' ({name})' if name else ''} step by {step:g} and have no unit, "
-            f"allowed: a unit, as time_ms or time_s, or steps up to {MAX_UNSTATED_STEP_S:g} s"
-        )
