@@ -16,7 +16,7 @@ from typing import Any
 import av
 import numpy as np
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.media_info import MediaError, open_media, start_of_film
 
 BLOCK_SAMPLES = 1 << 16  # that are read at once
@@ -202,27 +202,24 @@ def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
         for one in surveys
     ]
     track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
-    words = [f"track {track + 1} of {len(surveys)}, since those before it hold no sound"] * (
-        track > 0
-    )
+    words = []
+    if track:
+        words.append(f"track {track + 1} of {len(surveys)}, since those before it hold no sound")
     covariance = surveys[track].covariance
     each = np.sqrt(np.diag(covariance).clip(0))
     count = len(each)
     channels = np.flatnonzero(each >= MAX_FAINT_RATIO * each.max(initial=0.0))
-    why = []
+    why = ""
     if len(channels) < count:
-        others = "the others hold" if count > 2 else "the other holds"
-        why = [f"{_list_channels(channels)} of {count}, since {others} no sound"]
+        why = f"{'the others hold' if count > 2 else 'the other holds'} no sound"
     part = covariance[np.ix_(channels, channels)]
     if len(channels) > 1 and part.sum() < MAX_CANCELLED_RATIO**2 * np.trace(part):
         channels = np.array([int(np.argmax(each))])
-        why = [f"{_list_channels(channels)} of {count}, since the channels cancel when mixed"]
-    return track, channels.tolist(), "; ".join(words + why)
-
-
-def _list_channels(channels: IntArray) -> str:
-    numbers = ", ".join(str(c + 1) for c in channels)
-    return f"channel{'s' if len(channels) > 1 else ''} {numbers}"
+        why = "the channels cancel when mixed"
+    if why:
+        numbers = ", ".join(str(c + 1) for c in channels)
+        words.append(f"channel{'s' * (len(channels) > 1)} {numbers} of {count}, since {why}")
+    return track, channels.tolist(), "; ".join(words)
 
 
 def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:

@@ -241,16 +241,15 @@ class Markers:
 Count = Annotated[Whole, Field(ge=1, le=200)]
 
 
-def beam_value(name: str) -> Any:
-    """Return a property of the thesis's beam (Table 3.1)."""
-    from thesis_lib.facts import setups
+def beam_default(name: str, scale: int = 1) -> Any:
+    """Return a property of the thesis's beam (Table 3.1), read where a manifest leaves it out."""
 
-    return getattr(setups.thesis_beam(), name)
+    def read() -> Any:
+        from thesis_lib.facts import setups
 
+        return round(scale * getattr(setups.thesis_beam(), name), 9)
 
-def beam_default(name: str, scale: float = 1.0) -> Any:
-    """Return a property of the thesis's beam as a default, read where a manifest leaves it out."""
-    return lambda: round(scale * beam_value(name), 9)
+    return read
 
 
 def _thesis_layout(given: dict[str, Any]) -> bool:
@@ -266,7 +265,7 @@ class MarkersSpec(Fields):
 
     rows: Count = Field(3, description="rows of markers, side by side")
     columns: Count = Field(
-        default_factory=lambda: beam_value("n_markers"), description="markers in each row"
+        default_factory=beam_default("n_markers"), description="markers in each row"
     )
     spacing_mm: Positive = Field(
         default_factory=beam_default("marker_spacing", 1000),

@@ -258,10 +258,7 @@ def _read_heic(path: Path) -> Image:
 
 
 def pack_frames(
-    source: Path,
-    target: Path,
-    rate: float | None = None,
-    say: Callable[[str], object] = str,
+    source: Path, target: Path, rate: float | None = None, say: Callable[[str], object] = str
 ) -> tuple[int, tuple[int, int]]:
     """Write frames to a video without loss of grey levels of eight bits.
 
@@ -283,34 +280,35 @@ def pack_frames(
     """
     if target.suffix != ".mov":
         raise MediaError(f"{target}: given the ending {target.suffix!r}, allowed: .mov")
-    raw = source.suffix.lower() in (".cih", ".cihx")
-    if source.is_file() and not raw:
+    if source.suffix.lower() in (".cih", ".cihx"):
+        own, frames = _raw(source)
+        rate = rate or own
+    elif source.is_file():
         if rate is None:
             raise MediaError(f"{source}: give --rate-hz, the rate at which its frames were taken")
         probe_media(source)
         return _retime_frames(source, target, rate), probe_media(target).size
-    own, frames = _raw(source) if raw else (rate, _pictures(source, say))
-    if own is None:
-        raise MediaError(f"{source}: images carry no frame rate: give --rate-hz")
+    elif not source.is_dir():
+        raise MediaError(f"{source}: allowed: a folder of images, a video, a .cih or a .cihx")
+    else:
+        files = find_images(source.iterdir())
+        if not files:
+            raise MediaError(f"{source}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
+        sampled = map(_levels, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)])
+        depth = max(
+            8 if one.dtype == np.uint8 else media_info.depth_for(int(one.max())) for one in sampled
+        )
+        if 8 < depth < 16:
+            say(
+                f"{source} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale."
+            )
+        if rate is None:
+            raise MediaError(f"{source}: images carry no frame rate: give --rate-hz")
+        frames = (read_png(file, depth) for file in files)
     even = (frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2] for frame in frames)
-    write_video(target, even, rate or own, None, codec="h264", crf=0)  # loses nothing
+    write_video(target, even, rate, None, codec="h264", crf=0)  # loses nothing
     info = probe_media(target)
     return info.frames or 0, info.size
-
-
-def _pictures(folder: Path, say: Callable[[str], object]) -> Iterator[Image]:
-    if not folder.is_dir():
-        raise MediaError(f"{folder}: allowed: a folder of images, a video, a .cih or a .cihx")
-    files = find_images(folder.iterdir())
-    if not files:
-        raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
-    sampled = map(_levels, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)])
-    depth = max(
-        8 if one.dtype == np.uint8 else media_info.depth_for(int(one.max())) for one in sampled
-    )
-    if 8 < depth < 16:
-        say(f"{folder} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale.")
-    return (read_png(file, depth) for file in files)
 
 
 def _raw(header: Path) -> tuple[float, Iterator[Image]]:
@@ -332,8 +330,13 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
     def frames() -> Iterator[Image]:
         with raw.open("rb") as file:
             for _ in range(count):
-                data = np.frombuffer(file.read(size), np.uint8)
-                yield _take_eight(data, bits, shift).reshape(shape)
+                data = np.frombuffer(file.read(size), np.uint8)  # the highest eight bits are taken
+                if bits == 16:
+                    data = (data.view("<u2") >> shift).astype(np.uint8)
+                elif bits == 12:  # two pixels in three bytes, highest bits first
+                    first, middle, last = data.reshape(-1, 3).T
+                    data = np.stack([first, (middle & 15) << 4 | last >> 4], axis=1).ravel()
+                yield data.reshape(shape)
 
     return said["rate"], frames()
 
@@ -372,16 +375,6 @@ def _read_header(header: Path) -> tuple[dict[str, Any], str]:
             f"{header}: {BIT_SIDE_FIELD[xml]}: given {format_given(side)}, allowed: Lower or Higher"
         )
     return said, side
-
-
-def _take_eight(data: Image, bits: int, shift: int) -> Image:
-    """Return the highest eight bits that are used of pixels of 8, 12 or 16 bits."""
-    if bits == 16:
-        return (data.view("<u2") >> shift).astype(np.uint8)
-    if bits == 8:
-        return data
-    first, middle, last = data.reshape(-1, 3).T  # two pixels in three bytes, highest bits first
-    return np.stack([first, (middle & 15) << 4 | last >> 4], axis=1).ravel()
 
 
 def _retime_frames(source: Path, target: Path, rate: float) -> int:

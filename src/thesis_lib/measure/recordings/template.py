@@ -78,7 +78,14 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     asked = list_asked(manifest)
     if not any(is_slowed(info) for info in infos):
         asked = (*asked, "cameras.captured_hz")
-    told = [*_describe_found(manifest, folder, infos), *passed, *_ask_corners(manifest, folder)]
+    told = [*_describe_found(manifest, folder, infos), *passed]
+    lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
+    if manifest.structure.markers.hole_mm is None and lacking:  # which tells the ends apart
+        names = " and ".join(filter(None, [", ".join(lacking[:-1]), lacking[-1]]))
+        told.append(
+            f"missing: corners_px of {names}, which tell how the structure lies: click them in "
+            f"{folder / PAGE_NAME}, beginning with the same corner"
+        )
     with staging(folder) as part:
         (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
         (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
@@ -97,21 +104,24 @@ def _values(
     """Return the manifest's values, as they are given or seen."""
     fastest = max(max(info.frame_rate, info.captured_hz or 0) for info in infos)
     exposure = float(f"{ASSUMED_EXPOSURE_RATIO / fastest:.3g}")
-    cameras: list[dict[str, Any]] = [
-        {
-            "name": name,
-            "video": video.name,
-            "width_px": info.size[0],
-            "height_px": info.size[1],
-            "frame_rate_hz": float(
-                f"{rate_of(media_info.frame_clock(video), info.frame_rate):.8g}"
-            ),
-            "captured_hz": info.captured_hz if is_slowed(info) else None,
-            "exposure_s": exposure,
-            "board_images": _shots(folder, video.stem),
-        }
-        for video, info, name in zip(videos, infos, _name_cameras(videos), strict=True)
-    ]
+    cameras: list[dict[str, Any]] = []
+    for k, (video, info) in enumerate(zip(videos, infos, strict=True)):
+        name = video.stem.strip()[:MAX_NAME_CHARACTERS].strip() or f"camera {k + 1}"
+        if any(name == camera["name"] for camera in cameras):
+            name = f"{name[: MAX_NAME_CHARACTERS - 3].strip()} {k + 1}"
+        rate = rate_of(media_info.frame_clock(video), info.frame_rate)
+        cameras.append(
+            {
+                "name": name,
+                "video": video.name,
+                "width_px": info.size[0],
+                "height_px": info.size[1],
+                "frame_rate_hz": float(f"{rate:.8g}"),
+                "captured_hz": info.captured_hz if is_slowed(info) else None,
+                "exposure_s": exposure,
+                "board_images": _shots(folder, video.stem),
+            }
+        )
     values = with_given(cameras, given)
     reused = values.get("calibration")
     placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
@@ -198,17 +208,6 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
         file = part if part is None or isinstance(part, str) else part.file
         if file and not (folder / file).exists():
             yield f"missing: {file}, no such file in {folder}"
-
-
-def _ask_corners(manifest: Manifest, folder: Path) -> Iterator[str]:
-    """Ask for corners where no hole tells which end is which."""
-    lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
-    if manifest.structure.markers.hole_mm is None and lacking:
-        names = " and ".join(filter(None, [", ".join(lacking[:-1]), lacking[-1]]))
-        yield (
-            f"missing: corners_px of {names}, which tell how the structure lies: click them in "
-            f"{folder / PAGE_NAME}, beginning with the same corner"
-        )
 
 
 def list_assumed(
@@ -310,17 +309,6 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
     videos = [video for video in videos if video.name not in packed]
     _check_names(folder, videos)
     return videos, lines
-
-
-def _name_cameras(videos: Sequence[Path]) -> list[str]:
-    """Return a name for the camera of each video, from the video's own."""
-    names: list[str] = []
-    for k, video in enumerate(videos):
-        name = video.stem.strip()[:MAX_NAME_CHARACTERS].strip() or f"camera {k + 1}"
-        if name in names:
-            name = f"{name[: MAX_NAME_CHARACTERS - 3].strip()} {k + 1}"
-        names.append(name)
-    return names
 
 
 def _is_film(file: Path) -> bool:

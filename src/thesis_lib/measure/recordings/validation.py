@@ -12,7 +12,7 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings import audio, force_table, media, media_info
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
+from thesis_lib.measure.recordings.manifest_parts import Excitation
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo
 from thesis_lib.studies.fields import format_given
 
@@ -60,15 +60,6 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
     return np.asarray(clock * (media_info.rate_of(clock, info.frame_rate) / camera.captured_hz))
 
 
-def add_frame_rates(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
-    """Return the manifest with the frame rates that the videos have, the mean where it varies."""
-    cameras = tuple(
-        camera.model_copy(update={"frame_rate_hz": media_info.rate_of(clock, camera.rate_hz)})
-        for camera, clock in zip(manifest.cameras, clocks, strict=True)
-    )
-    return manifest.model_copy(update={"cameras": cameras})
-
-
 def check_excitation(manifest: Manifest) -> list[str]:
     """Return what of the excitation these cameras cannot film, one line each; empty if nothing.
 
@@ -106,7 +97,14 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     The excitation, the markers' places, every video's size, frame rate, length and sound, and the
     size of every image of the board.
     """
-    lines, rates = check_excitation(manifest) + _check_plane(manifest.structure), []
+    lines, rates = check_excitation(manifest), []
+    places, marks = manifest.structure.marker_points, manifest.structure.markers
+    if on_one_line(1000 * places, marks.diameter_mm):  # the plane must be known
+        name = "points_mm" if marks.points_mm else "rows" if marks.rows == 1 else "columns"
+        given = format_given(getattr(marks, name))
+        lines.append(
+            f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"
+        )
     for i, camera in enumerate(manifest.cameras):
         path, says = folder / camera.video, "as the manifest says"
         where = f"cameras[{i}].video: {path}"
@@ -216,16 +214,6 @@ def on_one_line(points: ArrayLike, diameter: float) -> bool:
     off = places - places.mean(axis=1, keepdims=True)
     across = np.linalg.eigvalsh(off @ off.T / places.shape[1])[0]
     return bool(across < (diameter / 4) ** 2)
-
-
-def _check_plane(structure: StructureSpec) -> list[str]:
-    """Check that the markers determine the structure's plane; return one line if not."""
-    markers = structure.markers
-    if not on_one_line(1000 * structure.marker_points, markers.diameter_mm):
-        return []
-    name = "points_mm" if markers.points_mm else "rows" if markers.rows == 1 else "columns"
-    given = format_given(getattr(markers, name))
-    return [f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"]
 
 
 def _px(size: Sequence[int]) -> str:
