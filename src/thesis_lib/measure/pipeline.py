@@ -19,7 +19,7 @@ from thesis_lib.measure.feasibility.assess import assess_manifest, describe_asse
 from thesis_lib.measure.fitting import frequency, result
 from thesis_lib.measure.modes.identify import modes_result
 from thesis_lib.measure.radiation.of_measurement import sound_of, write_sound
-from thesis_lib.measure.recordings import media, text_files, validation
+from thesis_lib.measure.recordings import media, media_info, text_files, validation
 from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
 from thesis_lib.measure.report import animation, build, figures
 from thesis_lib.measure.response.result import estimate_response
@@ -60,7 +60,11 @@ def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Re
     say(f"checking {len(manifest.cameras)} videos")
     clocks = validation.check_files(manifest, folder)  # what it refuses leaves no trace
     given = cameras.reuse_calibration(manifest, folder)
-    filmed = validation.add_frame_rates(manifest, clocks)
+    filmed_cameras = tuple(  # with the frame rates that videos have, the mean where they vary
+        camera.model_copy(update={"frame_rate_hz": media_info.rate_of(clock, camera.rate_hz)})
+        for camera, clock in zip(manifest.cameras, clocks, strict=True)
+    )
+    filmed = manifest.model_copy(update={"cameras": filmed_cameras})
     # The sound comes first: it may refuse more of the manifest.
     sound = measuring.read_sound(filmed, folder, steps, say)
     reading, repeats = measuring.inspect_videos(manifest, folder, steps, clocks)
@@ -85,10 +89,24 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
             manifest, sound, of.recordings, uncertainty.covariance_of(of.calibration)
         )
         still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
-        _check_plane(data, manifest)
-        data = schema.with_origin(
-            data.merge(_stored_variables(of.calibration, sound)), _SOURCE_TEXT
-        )
+        seen = np.isfinite(data["rest_position"].values).all(axis=0)
+        places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
+        if validation.on_one_line(places, manifest.structure.markers.diameter_mm):
+            raise validation.ChainError(
+                f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on "
+                "one line, which does not tell how the structure is turned about it: move a "
+                "camera, or add markers beside the line"
+            )
+        of_cameras = measuring.CALIBRATION_VARIABLES | uncertainty.VARIABLES
+        kept = {
+            name: (of.calibration if name in of_cameras else sound)[name].values
+            for name in (*of_cameras, *measuring.SOUND_VARIABLES)
+            if name not in UNSTORED_VARIABLES
+        }
+        kept["shots_used"] = np.isfinite(kept["corners"]).any(axis=(2, 3)).sum(axis=1)
+        table = of_cameras | measuring.SOUND_VARIABLES | SHOT_VARIABLES
+        stored = xr.Dataset(schema.label_values(kept, table), {"camera": of.calibration["camera"]})
+        data = schema.with_origin(data.merge(stored), _SOURCE_TEXT)
         data.attrs.update(_describe_inputs(manifest, of, "Deflection"))
         moved = history.time_histories(data, frequency.in_step(data, of.recordings), still)
         return data, schema.with_origin(moved, data.attrs["source"])
@@ -107,11 +125,7 @@ def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, s
 
 
 def _calibration(
-    manifest: Manifest,
-    folder: Path,
-    steps: Path,
-    given: cameras.Found | None,
-    say: Say,
+    manifest: Manifest, folder: Path, steps: Path, given: cameras.Found | None, say: Say
 ) -> xr.Dataset:
     """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
     board = manifest.board.board
@@ -124,32 +138,6 @@ def _calibration(
     held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
     placed = measuring.calibrate_rig(manifest, folder, steps, say, given.cameras)
     return uncertainty.jackknife_calibration(placed, board, steps, held)
-
-
-def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
-    """Refuse markers at rest whose places do not tell the structure's plane."""
-    seen = np.isfinite(data["rest_position"].values).all(axis=0)
-    places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
-    if validation.on_one_line(places, manifest.structure.markers.diameter_mm):
-        raise validation.ChainError(
-            f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on one "
-            "line, which does not tell how the structure is turned about it: move a camera, or "
-            "add markers beside the line"
-        )
-
-
-def _stored_variables(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
-    """Return the variables of calibration and sound that belong to the result."""
-    of_cameras = measuring.CALIBRATION_VARIABLES | uncertainty.VARIABLES
-    values = {
-        name: (calibration if name in of_cameras else sound)[name].values
-        for name in (*of_cameras, *measuring.SOUND_VARIABLES)
-        if name not in UNSTORED_VARIABLES
-    }
-    seen = np.isfinite(values["corners"]).any(axis=(2, 3)).sum(axis=1)
-    table = of_cameras | measuring.SOUND_VARIABLES | SHOT_VARIABLES
-    names = {"camera": calibration["camera"]}
-    return xr.Dataset(schema.label_values(values | {"shots_used": seen}, table), names)
 
 
 def measure_recordings(path: Path, out: Path, say: Say = print) -> build.Report:
@@ -244,11 +232,7 @@ def measure_motion(
 
 
 def measure_modes(
-    manifest: Manifest,
-    inputs: Recorded,
-    out: Path,
-    say: Say,
-    response: build.Report | None = None,
+    manifest: Manifest, inputs: Recorded, out: Path, say: Say, response: build.Report | None = None
 ) -> build.Report:
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
@@ -257,7 +241,16 @@ def measure_modes(
         modes_result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT
     )
     data.attrs.update(_describe_inputs(manifest, inputs, manifest.excitation.behaviour.title))
-    moved = _interpolate_motion(data, recordings, manifest.excitation.rest_duration_s)
+    moved, highest = None, float(data["frequency"].max())
+    if highest <= history.MAX_INTERPOLATED_RATIO * min(own.rate for own in recordings):
+        shape = data["lag"].size, data.sizes["marker"]
+        plain = data.isel(mode=0).assign(
+            centre_scatter=(("camera", "marker"), np.full(shape, float(data["noise"]))),
+            steady=("end", [_NEVER_S, _NEVER_S + 1]),
+            frequency=highest,
+        )
+        found = history.time_histories(plain, recordings, manifest.excitation.rest_duration_s)
+        moved = schema.with_origin(found, data.attrs["source"])
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
     with _results_folder(out, report, say) as part:
@@ -292,21 +285,3 @@ def _radiate(
         return None, None
     radiated = schema.with_origin(sound_of(data, manifest), data.attrs["source"])
     return radiated, build.build_sound(radiated, manifest)
-
-
-def _interpolate_motion(
-    data: xr.Dataset, recordings: Sequence[Recording], rest_duration_s: float
-) -> xr.Dataset | None:
-    """Return every marker from frame to frame; None where a mode is too fast to interpolate."""
-    highest = float(data["frequency"].max())
-    if highest > history.MAX_INTERPOLATED_RATIO * min(own.rate for own in recordings):
-        return None
-    shape = data["lag"].size, data.sizes["marker"]
-    plain = data.isel(mode=0).assign(
-        centre_scatter=(("camera", "marker"), np.full(shape, float(data["noise"]))),
-        steady=("end", [_NEVER_S, _NEVER_S + 1]),
-        frequency=highest,
-    )
-    return schema.with_origin(
-        history.time_histories(plain, recordings, rest_duration_s), data.attrs["source"]
-    )
