@@ -9,7 +9,7 @@ its centre, X along its length, Z along its normal, in m.
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -258,15 +258,6 @@ def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
     if not np.isfinite(values).all() or (counts and values.size not in counts):
         raise ValueError(f"{name}: given {format_given(inner)}, allowed: finite numbers")
     return values
-
-
-def in_structure_axes(cameras: Sequence[Camera], data: xr.Dataset) -> list[Camera]:
-    """Return the cameras of the calibration's frame in that of a shape's structure."""
-    R, origin = data["frame_rotation"].values, data["frame_origin"].values
-    return [
-        replace(one, R_camera_world=one.R_camera_world @ R.T, centre=R @ (one.centre - origin))
-        for one in cameras
-    ]
 
 
 def _opencv(camera: Camera) -> tuple[Array, Array, Array, Array]:

@@ -6,7 +6,7 @@ last, for Python, the motion as SDyPy's dictionaries.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property
 from itertools import chain
@@ -23,7 +23,7 @@ from scipy.spatial import Delaunay, QhullError
 
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.exchange import history
-from thesis_lib.measure.exchange.cameras import in_structure_axes, write_aniposelib, write_opencv
+from thesis_lib.measure.exchange.cameras import write_aniposelib, write_opencv
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 from thesis_lib.vision.pinhole import Camera
@@ -55,7 +55,11 @@ class Measured:
     @cached_property
     def placed_cameras(self) -> list[Camera]:
         """The cameras in the structure's axes."""
-        return in_structure_axes([own.camera for own in self.recordings], self.data)
+        R, origin = self.data["frame_rotation"].values, self.data["frame_origin"].values
+        return [
+            replace(one, R_camera_world=one.R_camera_world @ R.T, centre=R @ (one.centre - origin))
+            for one in (own.camera for own in self.recordings)
+        ]
 
     @property
     def available_contents(self) -> set[Content]:
@@ -193,36 +197,29 @@ def write_vtk(folder: Path, data: xr.Dataset) -> None:
         "standard_error": data["standard_error"].values[known],
         "marker": np.flatnonzero(known) + 1.0,
     }
+    count, corners = cells.shape
+    grid = [
+        f'<UnstructuredGrid>\n<Piece NumberOfPoints="{len(points)}" NumberOfCells="{count}">',
+        f"<Points>\n{_vtk_array('points', points)}\n</Points>\n<Cells>",
+        _vtk_array("connectivity", cells),
+        _vtk_array("offsets", corners * np.arange(1, count + 1)),
+        _vtk_array("types", np.full(count, CELL_TYPES[corners])),
+        '</Cells>\n<PointData Scalars="deflection" Vectors="displacement">',
+    ]
     period, rows = 1 / float(data["frequency"]), []
     for k in range(FRAMES_PER_PERIOD):
         deflection = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES_PER_PERIOD))
         vector = np.column_stack([np.zeros((len(points), 2)), deflection])
         values = {"displacement": vector, "deflection": deflection} | fixed
+        arrays = [_vtk_array(name, each) for name, each in values.items()]
+        lines = [*grid, *arrays, "</PointData>\n</Piece>\n</UnstructuredGrid>"]
         name = f"period-{k:02d}.vtu"
-        (folder / name).write_text(_vtk_grid(points, cells, values), encoding="utf-8")
+        text = _vtk_file("UnstructuredGrid", "\n".join(lines))
+        (folder / name).write_text(text, encoding="utf-8")
         time = f"{k / FRAMES_PER_PERIOD * period:.9g}"
         rows.append(f'<DataSet timestep="{time}" group="" part="0" file="{name}"/>')
     listed = _vtk_file("Collection", "<Collection>\n" + "\n".join(rows) + "\n</Collection>")
     (folder / "period.pvd").write_text(listed, encoding="utf-8")
-
-
-def _vtk_grid(points: Array, cells: IntArray, values: dict[str, Array]) -> str:
-    """Return an unstructured grid as text."""
-    count, corners = cells.shape
-    arrays = [
-        _vtk_array("connectivity", cells),
-        _vtk_array("offsets", corners * np.arange(1, count + 1)),
-        _vtk_array("types", np.full(count, CELL_TYPES[corners])),
-    ]
-    return _vtk_file(
-        "UnstructuredGrid",
-        f'<UnstructuredGrid>\n<Piece NumberOfPoints="{len(points)}" NumberOfCells="{count}">\n'
-        f"<Points>\n{_vtk_array('points', points)}\n</Points>\n"
-        "<Cells>\n" + "\n".join(arrays) + "\n</Cells>\n"
-        '<PointData Scalars="deflection" Vectors="displacement">\n'
-        + "\n".join(_vtk_array(name, each) for name, each in values.items())
-        + "\n</PointData>\n</Piece>\n</UnstructuredGrid>",
-    )
 
 
 def _vtk_array(name: str, values: Array | IntArray) -> str:
@@ -340,36 +337,32 @@ def _title_of(data: xr.Dataset) -> str:
 
 
 def _write_sets(path: Path, name: str, data: xr.Dataset, results: Iterable[dict[str, Any]]) -> None:
-    """Write a new file: the geometry of the nodes in ``data``, then results."""
-    file = pyuff.UFF(str(path))
-    for k, one in enumerate(chain(_geometry(name, data), results)):
-        file.write_sets(one, "add" if k else "overwrite")
-
-
-def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
-    """Yield the header, units, nodes and the lines between them."""
+    """Write a new file: header, units, nodes in ``data`` and the lines between, then results."""
     places = data["rest_position"].values
     x, y, z = np.where(np.isfinite(places), places, 0.0)
     nodes = np.arange(1, len(x) + 1)
     when = datetime.fromisoformat(str(data.attrs.get("created", "1970-01-01T00:00:00")))
     date, time = f"{when:%d-%b-%y}", f"{when:%H:%M:%S}"
-    yield pyuff.prepare_151(
+    header = pyuff.prepare_151(
         model_name=name, description=name, db_app="thesis_lib", program="thesis_lib",
         date_db_created=date, time_db_created=time, date_db_saved=date, time_db_saved=time,
     ) | {"date_file_written": date, "time_file_written": time}  # fmt: skip
-    yield pyuff.prepare_164(
+    units = pyuff.prepare_164(
         units_code=1, units_description="SI: m, N, s", temp_mode=1, length=1.0, force=1.0,
         temp=1.0, temp_offset=0.0)  # fmt: skip
-    yield pyuff.prepare_15(
+    points = pyuff.prepare_15(
         node_nums=nodes, def_cs=0 * nodes, disp_cs=0 * nodes, color=0 * nodes + 1, x=x, y=y, z=z
     )
+    sets = [header, units, points]
     pairs = marker_edges(data["x"].values, data["y"].values) + 1
     for k, start in enumerate(range(0, len(pairs), LINES_PER_DATASET)):
         part = pairs[start : start + LINES_PER_DATASET]
         pen = np.column_stack([np.zeros(len(part), int), part]).ravel()[1:]  # 0 lifts it
-        yield pyuff.prepare_82(
-            trace_num=k + 1, n_nodes=len(pen), color=1, id="neighbouring markers", nodes=pen
-        )
+        trace = {"trace_num": k + 1, "n_nodes": len(pen), "nodes": pen}
+        sets.append(pyuff.prepare_82(**trace, color=1, id="neighbouring markers"))
+    file = pyuff.UFF(str(path))
+    for k, one in enumerate(chain(sets, results)):
+        file.write_sets(one, "add" if k else "overwrite")
 
 
 def _responses(name: str, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
