@@ -312,12 +312,28 @@ def _join(names: Sequence[str]) -> str:
 
 def describe_assessment(assessment: Assessment) -> list[str]:
     """Return lines to print: tables, then warnings, then what was not checked; 100 columns."""
-    rows = [tuple(TABLE_HEADER.split(","))] + [_format_row(one) for one in assessment.table]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    widths[0] = min(widths[0], max(6, TEXT_COLUMNS - sum(widths[1:]) - 2 * len(widths[1:])))
-    lines = [
-        "  ".join([_cut(row[0], widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
+    rows = [TABLE_HEADER.split(",")] + [
+        [
+            one.name,
+            _format_known(one.ground_sample_mm),
+            _format_pair(one.along_px, one.across_px, "x", ".1f"),
+            _format_known(one.gap_px),
+            _format_known(one.motion_px),
+            _format_known(one.blur_px),
+            _format_known(one.lost, ".1%"),
+            _format_pair(one.near_mm, one.far_mm),
+            _format_pair(one.nearest_mm, one.farthest_mm),
+            _format_known(one.in_view, ".0%"),
+            _format_known(one.move_spacings),
+        ]
+        for one in assessment.table
     ]
+    widest, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
+    widest = min(widest, max(6, TEXT_COLUMNS - sum(widths) - 2 * len(widths)))
+    lines = []
+    for name, *cells in rows:
+        short = name if len(name) <= widest else f"{name[: widest - 1]}…"
+        lines.append("  ".join([short.ljust(widest), *map(str.rjust, cells, widths)]))
     lines += textwrap.wrap(TABLE_LEGEND, TEXT_COLUMNS)
     rig = assessment.rig
     lines += ["", f"{'standard error of the deflection, mm':<52}{'rms':>10}{'worst':>10}"]
@@ -357,26 +373,6 @@ def describe_verdict(assessment: Assessment) -> list[str]:
 def format_error_share(share: float) -> str:
     """Format an error as a share of the largest deflection in percent."""
     return format_share(share) if share < 1 else "all of it"
-
-
-def _cut(text: str, width: int) -> str:
-    return text.ljust(width) if len(text) <= width else text[: width - 1] + "…"
-
-
-def _format_row(one: CameraPrediction) -> tuple[str, ...]:
-    return (
-        one.name,
-        _format_known(one.ground_sample_mm),
-        _format_pair(one.along_px, one.across_px, "x", ".1f"),
-        _format_known(one.gap_px),
-        _format_known(one.motion_px),
-        _format_known(one.blur_px),
-        _format_known(one.lost, ".1%"),
-        _format_pair(one.near_mm, one.far_mm),
-        _format_pair(one.nearest_mm, one.farthest_mm),
-        _format_known(one.in_view, ".0%"),
-        _format_known(one.move_spacings),
-    )
 
 
 def _format_known(value: float, form: str = ".3g") -> str:
