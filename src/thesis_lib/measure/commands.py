@@ -92,7 +92,16 @@ def check_manifest(manifest: Manifest, folder: Path, out: Path | None, as_json: 
             (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
             put_files(part, folder)
         files.append(f"To click the structure's corners, open {folder / PAGE_NAME}")
-    files += draw(manifest, out) if out else []
+    if out:  # where the cameras stand, and what they will reach
+        from thesis_lib.measure.report.figures import draw_prediction
+        from thesis_lib.plotting.style import save_figure
+
+        figures = draw_prediction(manifest)
+        with staging(out) as part:
+            for name, figure in figures.items():
+                (part / f"{name}.png").write_bytes(save_figure(figure, "png", dpi=140))
+            put_files(part, out)
+        files += [f"Wrote {out / name}.png" for name in figures]
     if as_json:
         outcome = {"outcome": assessment.verdict.outcome, "text": " ".join(verdict)}
         print_json(asdict(assessment) | outcome)
@@ -114,19 +123,6 @@ def run_measurement(path: Path, out: Path, as_json: bool) -> None:
         print_json({"report": str(page), "found": report.summary, "notes": notes})
     else:
         echo(f"Open {page}")
-
-
-def draw(manifest: Manifest, folder: Path) -> list[str]:
-    """Draw where the cameras stand and what they will reach into a folder; return what it wrote."""
-    from thesis_lib.measure.report.figures import draw_prediction
-    from thesis_lib.plotting.style import save_figure
-
-    figures = draw_prediction(manifest)
-    with staging(folder) as part:
-        for name, figure in figures.items():
-            (part / f"{name}.png").write_bytes(save_figure(figure, "png", dpi=140))
-        put_files(part, folder)
-    return [f"Wrote {folder / name}.png" for name in figures]
 
 
 @click.group("print", cls=HelpGroup, short_help="Print boards, markers and stands as PDF.")

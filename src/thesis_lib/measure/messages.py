@@ -34,16 +34,15 @@ class Message:
         return re.sub(r"\{[^}]*\}", "…", self.text)
 
 
-def _read_message(fields: Mapping[str, Any]) -> Message:
-    """Return a message from its table, with line breaks as blanks."""
-    plain = {k: " ".join(v.split()) if isinstance(v, str) else v for k, v in fields.items()}
-    variants = {k.removeprefix("text_"): v for k, v in plain.items() if k.startswith("text_")}
-    own: dict[str, Any] = {k: v for k, v in plain.items() if not k.startswith("text_")}
-    return Message(**own, variants=variants)
-
-
 def _read_messages(table: Mapping[str, Any]) -> dict[str, Message]:
-    return {code: _read_message(fields) for code, fields in table.items()}
+    """Return the messages of a table by code, with line breaks as blanks."""
+    messages = {}
+    for code, fields in table.items():
+        plain = {k: " ".join(v.split()) if isinstance(v, str) else v for k, v in fields.items()}
+        variants = {k.removeprefix("text_"): v for k, v in plain.items() if k.startswith("text_")}
+        own: dict[str, Any] = {k: v for k, v in plain.items() if not k.startswith("text_")}
+        messages[code] = Message(**own, variants=variants)
+    return messages
 
 
 _MESSAGE_TABLES = tomllib.loads(
