@@ -199,7 +199,11 @@ def measure_shape(
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("shape", data, moved, inputs.recordings))
-        animation.write_animations(part, data, inputs.recordings[0], videos[0])
+        animation.write_shape(part / "shape", data)
+        own, slow = inputs.recordings[0], min(1.0, 1 / (2 * float(data["frequency"])))
+        rings = animation.draw_tracks(own, videos[0], float(data["steady"][0]))
+        # Slowed so that a period of the vibration takes two seconds at least
+        animation.write_mp4(part / "tracked.mp4", rings, max(slow * own.rate, 1.0))
         if radiated is not None:
             write_sound(part, radiated)
         report.write(part)

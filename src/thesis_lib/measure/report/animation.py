@@ -36,17 +36,6 @@ MAX_OVERLAY_S, MAX_OVERLAY_WIDTH_PX = 4.0, 960  # of the video with markers
 FOUND_COLOUR, LOST_COLOUR = (255, 92, 0), (255, 0, 190)  # of a marker
 
 
-def write_animations(folder: Path, data: xr.Dataset, own: Recording, video: Path) -> None:
-    """Write ``shape.mp4``, ``shape.gif`` and, of one camera's video, ``tracked.mp4``.
-
-    The last is slowed so that a period of the vibration takes two seconds at least.
-    """
-    write_shape(folder / "shape", data)
-    slow = min(1.0, 1 / (2 * float(data["frequency"])))
-    rings = draw_tracks(own, video, float(data["steady"][0]))
-    write_mp4(folder / "tracked.mp4", rings, max(slow * own.rate, 1.0))
-
-
 def write_shape(path: Path, data: xr.Dataset) -> None:
     """Write a shape in motion, as ``.gif`` and ``.mp4`` of a path without ending."""
     frames = draw_period(data)

@@ -329,7 +329,11 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
     way = float(np.linalg.norm(data["place"].values, axis=1).max())
     decay = data.get("decay", xr.zeros_like(data["frequency"]))
     common: dict[str, Any] = {"tones": tones, "whole": data.sel(band=ALL_TONES)}
-    bare = [_level_without_wall(one) for one in tones]
+    bare = []  # estimated level without a wall and its standard error
+    for one in tones:
+        level = float(one["power_level"]) + float(one["no_wall_change"])
+        std = float(np.hypot(one["no_wall_change_std"], one["power_level_error"]))
+        bare.append((level, std) if np.isfinite(level) else None)
     summary = html.render_lines(
         _TEMPLATE_FOLDER + "sound.txt.j2", data=data, wall=data.attrs["wall"], bare=bare, **common
     )
@@ -349,10 +353,3 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
         lost=float(decay.max()) * way / float(data.attrs["speed_of_sound"]),
         **common,
     )
-
-
-def _level_without_wall(one: xr.Dataset) -> tuple[float, float] | None:
-    """Return the estimated level without a wall and its standard error; None where unknown."""
-    level = float(one["power_level"]) + float(one["no_wall_change"])
-    std = float(np.hypot(one["no_wall_change_std"], one["power_level_error"]))
-    return (level, std) if np.isfinite(level) else None

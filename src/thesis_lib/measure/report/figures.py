@@ -289,21 +289,18 @@ def draw_response(data: xr.Dataset, marker: int) -> Figure:
         axes.set(ylabel="coherence", ylim=(0, 1.05))
     last = [top, middle, *low][-1]
     last.set(xlabel="frequency in Hz", xlim=(f[0], f[-1]))
-    last.set_xticks(_round_ticks(f[0], f[-1]), minor=False)
+    for digits in ((1, 2, 5), range(1, 10)):  # round numbers, four or more if there are so many
+        rounds = [digit * 10.0**k for k in range(-2, 5) for digit in digits]
+        ticks = [value for value in rounds if f[0] <= value <= f[-1]]
+        if len(ticks) >= 4:
+            break
+    last.set_xticks(ticks, minor=False)
     last.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     last.xaxis.set_minor_formatter(lambda value, _: "")
     return figure
 
 
-def _round_ticks(low: float, high: float) -> list[float]:
-    """Return round numbers between two, four or more where there are so many."""
-    for digits in ((1, 2, 5), range(1, 10)):
-        found = [n * 10.0**k for k in range(-2, 5) for n in digits if low <= n * 10.0**k <= high]
-        if len(found) >= 4:
-            break
-    return found
-
-
+@in_style()
 def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
     """Draw the cameras of a manifest, and a map of the standard errors they would reach, by name.
 
@@ -326,15 +323,9 @@ def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
         },
         {"camera": [c.name for c in compress(manifest.cameras, there)]},
     )
-    return {"cameras": draw_cameras(placed, manifest), "errors": _draw_errors(manifest, fit)}
-
-
-@in_style()
-def _draw_errors(manifest: Manifest, error: Array) -> Figure:
-    """Draw the standard errors of the harmonic fit over the structure, mm."""
     height = WIDTH_IN * manifest.structure.width_mm / manifest.structure.length_mm + 1.5
     figure, axes = style.subplots(figsize=(WIDTH_IN, min(height, 6)), layout="constrained")
-    drawn = _scatter_markers(axes, manifest, error, cmap="viridis")
+    drawn = _scatter_markers(axes, manifest, fit, cmap="viridis")
     axes.set(ylabel="y in mm", title="standard error of the deflection by the harmonic fit")
     figure.colorbar(drawn, ax=axes, label="mm", orientation="horizontal", fraction=0.1)
-    return figure
+    return {"cameras": draw_cameras(placed, manifest), "errors": figure}

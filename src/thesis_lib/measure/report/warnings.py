@@ -52,11 +52,7 @@ MIN_FORCE_DRIFT = 1e-6  # by which clocks differ before it is reported
 
 def check_shape(data: xr.Dataset) -> list[Note]:
     """Return the notes on the shape of one frequency."""
-    return [
-        *_check_frequency(data),
-        *_check_cameras(data),
-        *_check_fit(data),
-    ]
+    return [*_check_frequency(data), *_check_cameras(data), *_check_fit(data)]
 
 
 def _check_frequency(data: xr.Dataset) -> Iterator[Note]:
