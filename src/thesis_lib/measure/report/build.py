@@ -81,14 +81,6 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
 
 
 _TEMPLATE_FOLDER = "measure/report/templates/"
-_MM_FORMAT = {
-    "x_mm": "x",
-    "y_mm": "y",
-    "deflection_mm": "deflection",
-    "standard_error_mm": "standard_error",
-    "quadrature_mm": "quadrature",
-    "model_mm": "reference_deflection",
-}
 
 
 @dataclass(frozen=True)
@@ -200,13 +192,15 @@ def build_shape(
 
 def tabulate_shape(data: xr.Dataset) -> pd.DataFrame:
     """Return the result marker by marker, in mm and degrees."""
-    frame = pd.DataFrame(
-        {name: np.round(1e3 * data[key].values, 6) for name, key in _MM_FORMAT.items()}
-    )
-    frame.insert(0, "marker", np.arange(1, len(frame) + 1))
-    frame["phase_deg"] = np.round(data["phase"].values, 3)
-    frame["cameras"] = data["cameras_seen"].values
-    return frame
+    own = "x", "y", "deflection", "standard_error", "quadrature"
+    names = {f"{name}_mm": name for name in own} | {"model_mm": "reference_deflection"}
+    table = {"marker": np.arange(1, data["x"].size + 1)}
+    table |= {name: np.round(1e3 * data[key].values, 6) for name, key in names.items()}
+    table |= {
+        "phase_deg": np.round(data["phase"].values, 3),
+        "cameras": data["cameras_seen"].values,
+    }
+    return pd.DataFrame(table)
 
 
 def summarise_shape(data: xr.Dataset) -> list[str]:
@@ -277,13 +271,13 @@ def _texts(values: Array, form: str) -> list[str]:
 
 def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
     """Return every marker's complex amplitudes and their errors, in mm."""
-    table = pd.DataFrame({f"{k}_mm": np.round(1e3 * data[k].values, 6) for k in ("x", "y")})
-    table.insert(0, "marker", np.arange(1, len(table) + 1))
+    table = {"marker": np.arange(1, data["x"].size + 1)}
+    table |= {f"{name}_mm": np.round(1e3 * data[name].values, 6) for name in ("x", "y")}
     for k in range(data.sizes["mode"]):
         for part in ("amplitude_real", "amplitude_imag", "standard_error"):
             name = f"mode_{k + 1}_{part.removeprefix('amplitude_')}_mm"
             table[name] = np.round(1e3 * data[part].isel(mode=k).values, 7)
-    return table
+    return pd.DataFrame(table)
 
 
 def build_response(data: xr.Dataset, manifest: Manifest, calibration: str | None = None) -> Report:

@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import Array, Image, Mask
+from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX
 from thesis_lib.measure.feasibility.prediction import predict_errors, view_markers
 from thesis_lib.measure.modes.poles import STANDS_OUT
@@ -76,7 +76,7 @@ def draw_shape(data: xr.Dataset, manifest: Manifest) -> Figure:
     rows = markers_of(manifest).rows
     if len(rows) > 6 or max(row.stop - row.start for row in rows) < 4:
         return _draw_map(data, manifest)
-    figure, axes = style.subplots(figsize=(WIDTH_IN, 3.6), layout="constrained")
+    figure, axes = style.subplots(figsize=(WIDTH_IN, 3.6))
     x, y = 1e3 * data["x"].values, 1e3 * data["y"].values
     w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
     reference = 1e3 * data["reference_deflection"].values
@@ -102,8 +102,7 @@ def _draw_map(data: xr.Dataset, manifest: Manifest) -> Figure:
         panels[f"{data.attrs['most_similar']} in mm"] = 1e3 * data["reference_deflection"].values
     side = WIDTH_IN / len(panels)
     height = side * manifest.structure.width_mm / manifest.structure.length_mm + 0.9
-    size = (WIDTH_IN, min(height, 6))
-    figure, axes = style.subplots(1, len(panels), figsize=size, layout="constrained", squeeze=False)
+    figure, axes = style.subplots(1, len(panels), figsize=(WIDTH_IN, min(height, 6)), squeeze=False)
     most = float(np.nanmax(np.abs(panels["deflection in mm"])))
     for panel, (title, values) in zip(axes[0], panels.items(), strict=True):
         signed = {"cmap": "PuOr", "vmin": -most, "vmax": most}
@@ -127,7 +126,7 @@ def _scatter_markers(axes: Axes, manifest: Manifest, values: Array, **look: Any)
 @in_style()
 def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
     """Draw the positions of the cameras from above and from the side."""
-    figure, axes = style.subplots(1, 2, figsize=(WIDTH_IN, 3.4), layout="constrained")
+    figure, axes = style.subplots(1, 2, figsize=(WIDTH_IN, 3.4))
     length, width = manifest.structure.length_mm, manifest.structure.width_mm
     centre = 1e3 * data["camera_centre"].values
     rest = 1e3 * data["rest_position"].values
@@ -151,7 +150,7 @@ def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
 def draw_corners(data: xr.Dataset) -> Figure:
     """Draw the residuals of the board's corners after the adjustment, camera by camera."""
     residuals = data["residuals"].values
-    figure, axes = style.subplots(figsize=(4.2, 3.8), layout="constrained")
+    figure, axes = style.subplots(figsize=(4.2, 3.8))
     for k, name in enumerate(style.drawable_names(data["camera"].values, "camera")):
         u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
         axes.plot(u, v, ".", color=cycle_color(k), markersize=2, alpha=0.5, label=name)
@@ -180,7 +179,7 @@ def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
 @in_style()
 def draw_residuals(seen: xr.Dataset) -> Figure:
     """Draw the rms distance of each camera's centres from the fit to all, frame by frame."""
-    figure, axes = style.subplots(figsize=(WIDTH_IN, 2.8), layout="constrained")
+    figure, axes = style.subplots(figsize=(WIDTH_IN, 2.8))
     for k, name in enumerate(style.drawable_names(seen["camera"].values, "camera")):
         axes.plot(seen["time"], seen["residual"][k], color=cycle_color(k), label=name)
     axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
@@ -209,24 +208,10 @@ def draw_photograph(image: Image, found: Array, outline: Array) -> Figure:
     return figure
 
 
-def _stable_poles(data: xr.Dataset) -> Mask:
-    """Return which poles stay as they were in the fit with one mode less, (orders, places)."""
-    f, zeta = data["order_frequency"].values, data["order_damping"].values
-    stable = np.zeros(f.shape, bool)
-    for n in range(1, len(f)):
-        most = MAX_POLE_DAMPING_CHANGE * np.abs(zeta[n - 1])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            near = np.abs(f[n][:, None] / f[n - 1] - 1) < MAX_POLE_SHIFT
-            near &= np.abs(zeta[n][:, None] - zeta[n - 1]) <= most
-        stable[n] = near.any(axis=1)
-    return stable
-
-
 @in_style()
 def draw_stabilisation(data: xr.Dataset) -> Figure:
     """Draw the spectrum, and the poles of the fits with one mode, two modes and so on."""
-    size = (WIDTH_IN, 5.0)
-    figure, (top, low) = style.subplots(2, 1, figsize=size, layout="constrained", sharex=True)
+    figure, (top, low) = style.subplots(2, 1, figsize=(WIDTH_IN, 5.0), sharex=True)
     top.semilogy(data["line"], data["before"], color=cycle_color(0), linewidth=0.8, label="tracks")
     label = "residual of the modes"
     top.semilogy(data["line"], data["after"], color=REFERENCE_COLOR, linewidth=0.8, label=label)
@@ -234,7 +219,14 @@ def draw_stabilisation(data: xr.Dataset) -> Figure:
     top.set(ylabel="power over noise")
     top.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     top.legend(ncols=3)
-    f, kept = data["order_frequency"].values, _stable_poles(data)
+    f, zeta = data["order_frequency"].values, data["order_damping"].values
+    kept = np.zeros(f.shape, bool)  # stay as they were in the fit with one mode less
+    for n in range(1, len(f)):
+        most = MAX_POLE_DAMPING_CHANGE * np.abs(zeta[n - 1])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            near = np.abs(f[n][:, None] / f[n - 1] - 1) < MAX_POLE_SHIFT
+            near &= np.abs(zeta[n][:, None] - zeta[n - 1]) <= most
+        kept[n] = near.any(axis=1)
     orders = np.broadcast_to(np.arange(1, len(f) + 1)[:, None], f.shape)
     new = np.isfinite(f) & ~kept
     low.plot(f[kept], orders[kept], "o", color=cycle_color(0), label="stable")
@@ -251,7 +243,7 @@ def draw_assurance(data: xr.Dataset) -> Figure:
     """Draw the MAC matrix of the modes among each other."""
     mac = data["assurance"].values
     names = [f"{f:.4g}" for f in data["frequency"].values]
-    figure, axes = style.subplots(figsize=(4.2, 3.6), layout="constrained")
+    figure, axes = style.subplots(figsize=(4.2, 3.6))
     drawn = axes.imshow(mac, cmap="viridis", vmin=0, vmax=1)
     for (i, j), value in np.ndenumerate(mac):
         ink = "black" if value > 0.6 else "white"
@@ -270,9 +262,8 @@ def draw_response(data: xr.Dataset, marker: int) -> Figure:
     f, whole = data["frequency"].values, complex_of(data, "receptance")[:, marker]
     error, averaged = data["standard_error"].values[0, marker], int(data["segments"]) > 1
     heights = [3, 1.3, 1.3] if averaged else [3, 1.3]
-    size = (NARROW_WIDTH_IN, sum(heights))
-    shared: Any = {"layout": "constrained", "sharex": True, "height_ratios": heights}
-    figure, (top, middle, *low) = style.subplots(len(heights), 1, figsize=size, **shared)
+    shape: Any = {"figsize": (NARROW_WIDTH_IN, sum(heights)), "height_ratios": heights}
+    figure, (top, middle, *low) = style.subplots(len(heights), 1, sharex=True, **shape)
     size = np.abs(whole[0])
     under = np.maximum(size - 2 * error, size / 10)
     shade: Any = {"color": REFERENCE_COLOR, "alpha": 0.4, "lw": 0}
@@ -324,7 +315,7 @@ def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
         {"camera": [c.name for c in compress(manifest.cameras, there)]},
     )
     height = WIDTH_IN * manifest.structure.width_mm / manifest.structure.length_mm + 1.5
-    figure, axes = style.subplots(figsize=(WIDTH_IN, min(height, 6)), layout="constrained")
+    figure, axes = style.subplots(figsize=(WIDTH_IN, min(height, 6)))
     drawn = _scatter_markers(axes, manifest, fit, cmap="viridis")
     axes.set(ylabel="y in mm", title="standard error of the deflection by the harmonic fit")
     figure.colorbar(drawn, ax=axes, label="mm", orientation="horizontal", fraction=0.1)

@@ -86,10 +86,33 @@ def _check_frequency(data: xr.Dataset) -> Iterator[Note]:
 
 
 def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
-    yield from _check_repeats(data)
+    for line in data.attrs.get("repeats", "").splitlines():
+        yield make_note("repeated-frames", line=line)
     first = str(data["camera"].values[0])
     for one in iterate_slices(data, "camera"):
-        yield from _check_camera(one, str(one["camera"].values), first)
+        name = str(one["camera"].values)
+        rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
+        if abs(rate / given - 1) > MAX_RATE_CHANGE:
+            yield make_note("file-rate", name=name, rate=rate, given=given)
+        if (uneven := float(one["uneven"])) > MAX_UNEVEN_FRAMES / rate:
+            yield make_note("uneven-frames", name=name, uneven_ms=1e3 * uneven)
+        yield from _check_lost(name, float(one["missing"].mean()))
+        if jump := float(one["jump"]):
+            yield make_note("camera-jumped", name=name, jump=jump, time=float(one["jump_time"]))
+        if float(one["corrected"]):
+            error = float(f"{1e6 * float(one['pace_deviation']):.1g}")
+            yield note_pace(name, first, float(one["pace"]), f" ± {error:,g}")
+        if (late := 1e3 * float(one["lag"])) and one.attrs.get("sound") != "none":
+            yield make_note(
+                "start-by-pictures",
+                name=name,
+                late_ms=abs(late),
+                std_ms=1e3 * float(one["lag_deviation"]),
+                way="later" if late > 0 else "earlier",
+                frames=_describe_whole_frames(1e-3 * late * rate),
+            )
+        if (misfit := float(one["rest_misfit"])) > MAX_REST_MISFIT_PX:
+            yield make_note("rest-misfit", name=name, misfit=misfit)
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
         yield make_note("calibration-untold")
     yield from check_board(data)
@@ -98,36 +121,6 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     off = float(data["grid_scale"]) - 1
     if abs(off) > MAX_SCALE_ERROR:
         yield make_note("grid-scale", off=off)
-
-
-def _check_camera(one: xr.Dataset, name: str, first: str) -> Iterator[Note]:
-    rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
-    if abs(rate / given - 1) > MAX_RATE_CHANGE:
-        yield make_note("file-rate", name=name, rate=rate, given=given)
-    if (uneven := float(one["uneven"])) > MAX_UNEVEN_FRAMES / rate:
-        yield make_note("uneven-frames", name=name, uneven_ms=1e3 * uneven)
-    yield from _check_lost(name, float(one["missing"].mean()))
-    if jump := float(one["jump"]):
-        yield make_note("camera-jumped", name=name, jump=jump, time=float(one["jump_time"]))
-    if float(one["corrected"]):
-        error = float(f"{1e6 * float(one['pace_deviation']):.1g}")
-        yield note_pace(name, first, float(one["pace"]), f" ± {error:,g}")
-    if (late := 1e3 * float(one["lag"])) and one.attrs.get("sound") != "none":
-        yield make_note(
-            "start-by-pictures",
-            name=name,
-            late_ms=abs(late),
-            std_ms=1e3 * float(one["lag_deviation"]),
-            way="later" if late > 0 else "earlier",
-            frames=_describe_whole_frames(1e-3 * late * rate),
-        )
-    if (misfit := float(one["rest_misfit"])) > MAX_REST_MISFIT_PX:
-        yield make_note("rest-misfit", name=name, misfit=misfit)
-
-
-def _check_repeats(data: xr.Dataset) -> Iterator[Note]:
-    for line in data.attrs.get("repeats", "").splitlines():
-        yield make_note("repeated-frames", line=line)
 
 
 def _check_lost(name: str, lost: float) -> Iterator[Note]:
@@ -202,7 +195,8 @@ def _check_fit(data: xr.Dataset) -> Iterator[Note]:
 
 def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     """Yield the notes on several modes."""
-    yield from _check_repeats(data)
+    for line in data.attrs.get("repeats", "").splitlines():
+        yield make_note("repeated-frames", line=line)
     hertz, asked = data["frequency"].values, manifest.excitation.modes.count
     seconds = float(np.diff(data["window"].values)[0])
     if asked and len(hertz) < asked:
