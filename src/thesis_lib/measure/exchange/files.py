@@ -61,18 +61,13 @@ class Measured:
             for one in (own.camera for own in self.recordings)
         ]
 
-    @property
-    def available_contents(self) -> set[Content]:
-        """What there is: the result, and perhaps motion and cameras."""
-        motion: set[Content] = set() if self.motion is None else {"motion"}
-        cameras: set[Content] = {"cameras"} if self.recordings else set()
-        return {self.result} | motion | cameras
-
 
 def write_formats(folder: Path, measured: Measured) -> None:
     """Write a measurement into a folder, in each format of what it holds."""
+    has_motion, has_cameras = measured.motion is not None, len(measured.recordings) > 0
+    there = {measured.result: True, "motion": has_motion, "cameras": has_cameras}
     for content, name, write in FORMATS:
-        if content in measured.available_contents:
+        if there.get(content):
             write(folder / name, measured)
 
 
@@ -82,7 +77,7 @@ def _write_mode_grids(folder: Path, measured: Measured) -> None:
 
 
 def _motion_of(measured: Measured) -> xr.Dataset:
-    assert measured.motion is not None  # as `available_contents` says
+    assert measured.motion is not None  # as `write_formats` sees to
     return measured.motion
 
 

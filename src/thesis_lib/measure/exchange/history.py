@@ -15,7 +15,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.harmonics import mean_of
-from thesis_lib.measure.fitting.reconstruction import triangulate_seen
+from thesis_lib.measure.fitting.reconstruction import group_visible, triangulate_seen
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
@@ -67,12 +67,8 @@ def time_histories(
     for times, _ in recordings[0].parts(begin, end):
         first, last = data["steady"].values
         steady = (times >= first - 1e-9) & (times <= last + 1e-9)
-        uv = np.array(
-            [
-                _at(own, matrix, data, rest, times, steady)
-                for own, matrix in zip(recordings, P, strict=True)
-            ]
-        )
+        pairs = zip(recordings, P, strict=True)
+        uv = np.array([_at(own, matrix, data, rest, times, steady) for own, matrix in pairs])
         points, seen = triangulate_seen(P, uv - off[:, :, None])
         away = np.square(project(P, points) - uv).mean(axis=1)  # (cameras, times, markers)
         counts = np.isfinite(away).sum(axis=2)
@@ -189,12 +185,9 @@ def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
     """Return standard errors along the structure's axes, (3, times, markers)."""
     visible = np.isfinite(uv).all(axis=1)
     errors = np.full((3,) + visible.shape[1:], np.nan)
-    for pattern in np.unique(visible.reshape(len(P), -1), axis=1).T:
-        if np.count_nonzero(pattern) < 2:
-            continue
-        where = (visible == pattern[:, None, None]).all(axis=0)
+    for pattern, where in group_visible(visible.reshape(len(P), -1)):
         response = np.einsum("ai,icuk->acuk", R, triangulation_gain(P[pattern], rest))
         noise = np.square(response).sum(axis=2) * np.square(sigma[pattern])
         each = np.broadcast_to(np.sqrt(noise.sum(axis=1))[:, None], errors.shape)
-        errors = np.where(where, each, errors)
+        errors = np.where(where.reshape(visible.shape[1:]), each, errors)
     return errors
