@@ -85,9 +85,8 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        data = result.shape_result(
-            manifest, sound, of.recordings, uncertainty.covariance_of(of.calibration)
-        )
+        covariance = uncertainty.covariance_of(of.calibration)
+        data = result.shape_result(manifest, sound, of.recordings, covariance)
         still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
         seen = np.isfinite(data["rest_position"].values).all(axis=0)
         places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
@@ -241,9 +240,8 @@ def measure_modes(
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
     recordings, covariance = inputs.recordings, uncertainty.covariance_of(inputs.calibration)
-    data = schema.with_origin(
-        modes_result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT
-    )
+    fitted = modes_result(manifest, inputs.sound, recordings, covariance)
+    data = schema.with_origin(fitted, _SOURCE_TEXT)
     data.attrs.update(_describe_inputs(manifest, inputs, manifest.excitation.behaviour.title))
     moved, highest = None, float(data["frequency"].max())
     if highest <= history.MAX_INTERPOLATED_RATIO * min(own.rate for own in recordings):

@@ -290,9 +290,8 @@ def _columns(
     forces = [k for k in forces if unit[k] in FORCE_UNITS_N] or forces
     forces = forces or [k for k in range(width) if unit[k] in FORCE_UNITS_N]
     if len(times) > 1:  # as a date, and a time since the start
-        times = [k for k in times if k in rising and unit[k] in TIME_UNITS_S] or [
-            k for k in times if k in rising
-        ]
+        times = [k for k in times if k in rising]
+        times = [k for k in times if unit[k] in TIME_UNITS_S] or times
     indices = [k for k in range(width) if by_name[k] == {"index"} and k in counts]
     others = [k for k in full if k not in indices and k not in times and k not in forces]
     if not times:

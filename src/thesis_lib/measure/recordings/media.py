@@ -409,21 +409,15 @@ def _retime_frames(source: Path, target: Path, rate: float) -> int:
 
 def _presentation_order(source: Path) -> tuple[IntArray, bool]:
     """Return the place of each packet among the frames shown, and whether it has a time stamp."""
-    stamps: list[float] = []
     with open_media(source) as file:
-        stream = video_track(file, source)
-        for packet in file.demux(stream):
-            if packet.size:
-                stamps.append(np.nan if packet.pts is None else packet.pts)
-        timed = file.format.name not in media_info.UNTIMED_FORMATS and bool(
-            np.isfinite(stamps).all()
-        )
-    if timed:
+        packets = (packet for packet in file.demux(video_track(file, source)) if packet.size)
+        stamps = [np.nan if packet.pts is None else packet.pts for packet in packets]
+        timed = file.format.name not in media_info.UNTIMED_FORMATS
+    if timed and np.isfinite(stamps).all():
         return np.argsort(np.argsort(stamps)), True
     shown: list[int] = []
     with open_media(source) as file:  # the decoder tells which packet each frame is of
-        stream = video_track(file, source)
-        for number, packet in enumerate(file.demux(stream)):
+        for number, packet in enumerate(file.demux(video_track(file, source))):
             packet.pts = packet.dts = number
             shown += [frame.pts for frame in packet.decode() if frame.pts is not None]
     return np.argsort(shown), False
