@@ -174,27 +174,22 @@ def read_frames(
                     f"the next at {time:.3f} s"
                 )
             if k >= start:
-                yield _show_frame(frame, info.depth)
+                if info.depth < 16 and frame.format.components[0].bits == 16:
+                    levels = np.asarray(frame.to_ndarray(format="gray16le"), np.uint16)
+                    image = np.minimum(levels >> (info.depth - 8), 255).astype(np.uint8)
+                else:
+                    image = frame.to_ndarray(format="gray")
+                transposed, mirrored, flipped = media_info.orientation_of(frame)
+                image = image.T if transposed else image
+                image = image[:, ::-1] if mirrored else image
+                image = image[::-1] if flipped else image
+                yield np.array(image, np.uint8, order="C")  # not the decoder's own
             k, previous = k + 1, time
         there = info.frames if clock is None else len(clock)
         wanted = there if stop is None else stop
         if wanted is not None and k < wanted:
             says = f"the file says {there}" if stop is None else f"asked up to {stop}"
             raise MediaError(f"{path}: ends before frame {k}, {says} frames")
-
-
-def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
-    """Return a frame in gray, as it is to be shown, uint8 of shape (height, width)."""
-    if depth < 16 and frame.format.components[0].bits == 16:
-        levels = np.asarray(frame.to_ndarray(format="gray16le"), np.uint16) >> (depth - 8)
-        image = np.minimum(levels, 255).astype(np.uint8)
-    else:
-        image = frame.to_ndarray(format="gray")
-    transposed, mirrored, flipped = media_info.orientation_of(frame)
-    image = image.T if transposed else image
-    image = image[:, ::-1] if mirrored else image
-    image = image[::-1] if flipped else image
-    return np.array(image, np.uint8, order="C")  # not the decoder's own
 
 
 def write_png(path: Path, image: Image) -> None:
@@ -223,10 +218,23 @@ def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     if not path.is_file():
         raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
     data = path.read_bytes()
+    if data[4:8] == b"ftyp":  # HEIC, as telephones store images
+        try:
+            import pillow_heif
+        except ImportError:
+            raise MediaError(
+                f"{path}: HEIC needs pillow-heif: pip install thesis-lib[heic], or save JPEG"
+            ) from None
+        try:  # turned as it is to be shown
+            picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
+        except (ValueError, OSError, EOFError, SyntaxError):
+            raise MediaError(f"{path}: not a readable image, or cut off") from None
+        if picture.ndim == 3:
+            four = picture.shape[2] == 4
+            picture = cv2.cvtColor(picture, cv2.COLOR_RGBA2GRAY if four else cv2.COLOR_RGB2GRAY)
+        return np.ascontiguousarray(picture, np.uint8)
     # OpenCV fills what is cut off of a PNG.
     whole = not data.startswith(b"\x89PNG") or b"IEND" in data[-12:]
-    if data[4:8] == b"ftyp":
-        return _read_heic(path)
     code, flags = np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE
     image = cv2.imdecode(code, flags | cv2.IMREAD_ANYDEPTH) if data else None
     if image is not None and image.dtype not in (np.uint8, np.uint16):  # numbers with a point
@@ -234,24 +242,6 @@ def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     if image is None or not whole:
         raise MediaError(f"{path}: not a readable image, or cut off")
     return image.astype(np.uint16) if image.dtype == np.uint16 else image.astype(np.uint8)
-
-
-def _read_heic(path: Path) -> Image:
-    """Return an image as telephones store it, turned as it is to be shown."""
-    try:
-        import pillow_heif
-    except ImportError:
-        raise MediaError(
-            f"{path}: HEIC needs pillow-heif: pip install thesis-lib[heic], or save JPEG"
-        ) from None
-    try:
-        picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
-    except (ValueError, OSError, EOFError, SyntaxError):
-        raise MediaError(f"{path}: not a readable image, or cut off") from None
-    if picture.ndim == 3:
-        four = picture.shape[2] == 4
-        picture = cv2.cvtColor(picture, cv2.COLOR_RGBA2GRAY if four else cv2.COLOR_RGB2GRAY)
-    return np.ascontiguousarray(picture, np.uint8)
 
 
 # Images, raw frames, or a film at another rate as a video. Phantom's .cine is read as it is.
