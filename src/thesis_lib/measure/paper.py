@@ -73,12 +73,8 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
                 for k in range(11)
             ]
             _draw_polygons(axes, [_rectangle_vertices(0, foot, RULER_MM, 0.25), *ticks])
-            axes.text(
-                0,
-                foot - 3.2,
-                "Print at 100 %, without scaling. This line is 100 mm long: measure it.",
-                size=6.5,
-            )
+            advice = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
+            axes.text(0, foot - 3.2, advice, size=6.5)
             axes.text(RULER_MM + 6, foot, words, size=6.5, va="bottom", wrap=False)
             file.savefig(figure)
     whole_file(path, lambda part: part.write_bytes(made.getvalue()))
@@ -87,9 +83,8 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
 def _draw_polygons(axes: Axes, vertices: ArrayLike) -> None:
     """Draw black polygons without outline, (polygons, vertices, 2), mm."""
     polygons = [*np.asarray(vertices, float)]
-    axes.add_collection(
-        PolyCollection(polygons, facecolors="black", edgecolors="none"), autolim=False
-    )
+    drawn = PolyCollection(polygons, facecolors="black", edgecolors="none")
+    axes.add_collection(drawn, autolim=False)
 
 
 def _rectangle_vertices(

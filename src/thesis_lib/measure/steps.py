@@ -67,9 +67,7 @@ def calibrate_rig(
     def compute() -> xr.Dataset:
         say(f"calibrating from {len(shots)} images of the board")
         with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
-            corners, lost, single, full = adjust_cameras(
-                manifest, folder, lambda: bar.update(), lenses
-            )
+            corners, lost, single, full = adjust_cameras(manifest, folder, bar.update, lenses)
         poses = ("K", "distortion", "R_camera_world", "centre", "size")
         values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
             "reprojection_rms": full.rms,
@@ -80,10 +78,9 @@ def calibrate_rig(
             "corners": corners,
             "residuals": full.residuals,
         }
+        variables = schema.label_values(values, CALIBRATION_VARIABLES)
         names = {"camera": [c.name for c in manifest.cameras]}
-        return xr.Dataset(
-            schema.label_values(values, CALIBRATION_VARIABLES), names, {"notes": "\n".join(lost)}
-        )
+        return xr.Dataset(variables, names, {"notes": "\n".join(lost)})
 
     return storage.load_or_compute(steps / "calibration.nc", compute, storage.key_of(what, shots))
 
@@ -117,11 +114,9 @@ def read_sound(
 ) -> xr.Dataset:
     """Return when the cameras started, and what the sound tells of the vibration."""
     videos = [folder / c.video for c in manifest.cameras]
-    what = [
-        manifest.excitation.model_dump(mode="json"),
-        [c.name for c in manifest.cameras],
-        [c.frame_rate_hz for c in manifest.cameras],
-    ]
+    names = [c.name for c in manifest.cameras]
+    rates = [c.frame_rate_hz for c in manifest.cameras]
+    what = [manifest.excitation.model_dump(mode="json"), names, rates]
 
     def compute() -> xr.Dataset:
         if manifest.excitation.sound != "none":
@@ -147,9 +142,7 @@ def read_sound(
         }
         data = xr.Dataset(schema.label_values(values, SOUND_VARIABLES))
         mark_cache(steps)  # now that nothing more is refused
-        return data.assign_attrs(
-            synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
-        )
+        return data.assign_attrs(synchronisation="\n".join(found.describe(names)))
 
     return storage.load_or_compute(steps / "sound.nc", compute, storage.key_of(what, videos))
 

@@ -93,11 +93,8 @@ def time_histories(
     whole = whole.assign(label_values(places, VARIABLES)).assign_coords(
         camera=data["camera"], axis=data["axis"], marker=numbers
     )
-    whole["time"].attrs = {
-        "units": "s",
-        "long_name": "time on the first camera's clock",
-        "axis": "T",
-    }
+    meaning = "time on the first camera's clock"
+    whole["time"].attrs = {"units": "s", "long_name": meaning, "axis": "T"}
     flag = whole["flag"].values
     if float(data["frequency"]) > MAX_INTERPOLATED_RATIO * min(own.rate for own in recordings):
         flag[flag == UNSTEADY_FLAG] = FAST_FLAG

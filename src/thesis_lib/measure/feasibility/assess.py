@@ -97,10 +97,8 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
     ManifestError says that there is no such detector of markers.
     """
     if (detector := manifest.structure.markers.detector) not in DETECTORS:
-        raise ManifestError(
-            f"structure.markers.detector: given {one_line(detector)}, allowed: "
-            + " or ".join(DETECTORS)
-        )
+        given, allowed = one_line(detector), " or ".join(DETECTORS)
+        raise ManifestError(f"structure.markers.detector: given {given}, allowed: {allowed}")
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
     steady, slowest = prediction.steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN
@@ -301,9 +299,8 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
     }
     for code, is_open in open_fields.items():
         if is_open:
-            yield format_message(
-                messages.UNCHECKED_MESSAGES[code], steady=prediction.DEFAULT_STEADY_S
-            )
+            message = messages.UNCHECKED_MESSAGES[code]
+            yield format_message(message, steady=prediction.DEFAULT_STEADY_S)
 
 
 def _join(names: Sequence[str]) -> str:

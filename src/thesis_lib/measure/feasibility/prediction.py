@@ -17,6 +17,7 @@ from thesis_lib.files import whole_text
 from thesis_lib.measure.fitting.reconstruction import group_visible
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings import template
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, validate_manifest
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision import optics, pinhole, rounding, triangulation
@@ -108,14 +109,10 @@ def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
     K = np.array([pinhole.intrinsics(f, c.size) for f, c in zip(focal_px, cameras, strict=True)])
     directions = pinhole.hemisphere_directions(azimuth, elevation)
     centres = optics[:, 2:3] / 1000 * directions
-    P = pinhole.CameraArray(
-        K, pinhole.hemisphere_rotations(azimuth, elevation), centres, cameras[0].size
-    ).P
-    size = np.array([[s.length_mm], [s.width_mm]]) / 1000
-    X, corners = (
-        np.vstack([places - size / 2, np.zeros(places.shape[1])])
-        for places in (s.marker_points, size * [[0, 1, 1, 0], [0, 0, 1, 1]])
-    )
+    rotations = pinhole.hemisphere_rotations(azimuth, elevation)
+    P = pinhole.CameraArray(K, rotations, centres, cameras[0].size).P
+    X = on_surface(s.extent, s.marker_points)
+    corners = on_surface(s.extent, np.array(s.extent)[:, None] * [[0, 1, 1, 0], [0, 0, 1, 1]])
     swing = np.repeat(X[:, None], 3, axis=1)
     swing[2] += amplitude * np.array([[-1.0], [0.0], [1.0]])
 
@@ -165,9 +162,8 @@ def predict_camera(
     step = 2 * amplitude * abs(np.sin(np.pi * f / camera.rate_hz))
     lift = np.fmax.reduce(np.linalg.norm(view.J[i, :, 2], axis=0))
     places = manifest.structure.marker_points
-    near, far = map(
-        float, optics.depth_of_field(focal, stop, distance, CHECK_LIMITS["depth-of-field"] * pitch)
-    )
+    widest = CHECK_LIMITS["depth-of-field"] * pitch  # circle of confusion that is sharp, mm
+    near, far = map(float, optics.depth_of_field(focal, stop, distance, widest))
     spacing = cKDTree(places.T).query(places.T, k=2)[0][:, 1].min()  # infinite for one marker
     return CameraPrediction(
         camera.name,
