@@ -45,9 +45,8 @@ def _read_messages(table: Mapping[str, Any]) -> dict[str, Message]:
     return messages
 
 
-_MESSAGE_TABLES = tomllib.loads(
-    Path(__file__).with_name("messages.toml").read_text(encoding="utf-8")
-)
+_MESSAGES_FILE = Path(__file__).with_name("messages.toml")
+_MESSAGE_TABLES = tomllib.loads(_MESSAGES_FILE.read_text(encoding="utf-8"))
 #: Notes on a result by what they are about, and checks of a manifest, likewise; by code
 NOTE_GROUPS = {name: _read_messages(group) for name, group in _MESSAGE_TABLES["notes"].items()}
 CHECK_GROUPS = {name: _read_messages(group) for name, group in _MESSAGE_TABLES["checks"].items()}

@@ -234,8 +234,7 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
 def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[str]]:
     """Return name and unit of each column, empty where none is told."""
     names, units = [""] * width, [""] * width
-    rows = [row for row in rows if 1 < len(row) <= width + 1][-4:]
-    for row in rows:
+    for row in [row for row in rows if 1 < len(row) <= width + 1][-4:]:
         cells = [*row[:width], *[""] * (width - len(row))]
         alone, split = [cell.strip("[]() ") for cell in cells], [_split(cell) for cell in cells]
         if any(names) and sum(map(_is_unit, alone)) >= max(1, sum(map(bool, alone)) / 2):
