@@ -118,17 +118,14 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
 
 def _values(path: Path) -> dict[str, Any]:
     """Read the values of a text file, by names."""
+    parsers: dict[str, Callable[[str], Any]] = {
+        ".toml": text_files.parse_toml,
+        ".json": text_files.parse_json,
+        ".xml": lambda text: _of_xml(text_files.parse_xml(text)),
+    }
+    parse = parsers.get(path.suffix.lower(), text_files.parse_yaml)
     try:
-        text = text_files.read_text(path)
-        match path.suffix.lower():
-            case ".toml":
-                values = text_files.parse_toml(text)
-            case ".json":
-                values = text_files.parse_json(text)
-            case ".xml":
-                values = _of_xml(text_files.parse_xml(text))
-            case _:
-                values = text_files.parse_yaml(text)
+        values = parse(text_files.read_text(path))
     except (OSError, TextFileError) as error:
         why = error if isinstance(error, TextFileError) else error.strerror
         raise ManifestError(

@@ -303,8 +303,7 @@ def rows_on(
     distance nor where the hole is.
     """
     along, _ = beam.markers
-    across = (np.arange(rows) - (rows - 1) / 2) * row_spacing
-    y = beam.width / 2 + across
+    y = beam.width / 2 + (np.arange(rows) - (rows - 1) / 2) * row_spacing
     grid = np.stack([np.tile(along, rows), np.repeat(y, len(along))])
     return Markers(beam.extent, grid, diameter, hole)
 
