@@ -331,9 +331,8 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         for shot in files if isinstance(given, str) else []:  # which may be links
             if outside(str(shot.relative_to(folder))):
                 yield f"{where}: {format_given(shot.name)} leads outside, allowed: {INSIDE_TEXT}"
-    named.append(
-        ("force.file", manifest.force.file if manifest.force else None)
-    )  # may be a video, too
+    force = manifest.force
+    named.append(("force.file", None if force is None else force.file))  # or a video named
     videos: dict[Path, str] = {}
     for where, text in named:
         if text is None:
