@@ -222,25 +222,20 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
         if np.linalg.det(R) < 0:
             raise ValueError(f"mirrored axes (a rotation of determinant -1), {_AXES_TEXT}")
         t = scale * _numbers(move, "translation", (3,))
-    size = int(width), int(height)
-    return Camera(name, K, _distortion(first_given), R, -R.T @ t, size), placed
-
-
-def _distortion(of: Callable[..., Any]) -> Array:
-    """Return the coefficients k₁, k₂, p₁, p₂, k₃, or a refusal of another model by its name."""
     allowed = "allowed: k1, k2, p1, p2, k3 (Brown)"
-    model = str(of("distortion_model", "camera_model", "model") or "").lower()
-    if of("fisheye", "fisheye_model"):
+    model = str(first_given("distortion_model", "camera_model", "model") or "").lower()
+    if first_given("fisheye", "fisheye_model"):
         model = "fisheye"
-    given = of(*_COEFFICIENT_NAMES)
-    values = np.zeros(5) if given is None else _numbers(given, "distortion_coefficients", ())
+    lens = first_given(*_COEFFICIENT_NAMES)
+    values = np.zeros(5) if lens is None else _numbers(lens, "distortion_coefficients", ())
     count, extra = values.size, bool(values[5:].any())
     if model not in _BROWN_MODELS and (model != "rational_polynomial" or extra):
         raise ValueError(f"distortion model {format_given(model)}, {allowed}")
     if extra or count not in (0, 4, 5, *_OTHER_MODELS):
         named = f" ({_OTHER_MODELS[count]} model)" if count in _OTHER_MODELS else ""
         raise ValueError(f"{count} coefficients of distortion{named}, {allowed}")
-    return np.concatenate([values, np.zeros(5)])[:5]
+    distortion = np.concatenate([values, np.zeros(5)])[:5]
+    return Camera(name, K, distortion, R, -R.T @ t, (int(width), int(height))), placed
 
 
 def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:

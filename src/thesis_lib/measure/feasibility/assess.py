@@ -103,9 +103,6 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
     steady, slowest = prediction.steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN
         view = prediction.view_markers(manifest, float(np.nan_to_num(amplitude)))
-        table = [
-            prediction.predict_camera(manifest, view, i, amplitude) for i in range(len(view.optics))
-        ]
         errors = prediction.predict_errors(manifest, view, amplitude, noise_px)
         one, fit, rounding = map(prediction.rms_and_worst, errors)
         rig = RigPrediction(
@@ -118,9 +115,10 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
             rounding=rounding,
             smallest_mm=CHECK_LIMITS["below-noise"] * fit[1],
         )
-        warnings = list(_check_times(manifest))
-        for i, (camera, row) in enumerate(zip(manifest.cameras, table, strict=True)):
-            where = f"cameras[{i}]"
+        table, warnings = [], list(_check_times(manifest))
+        for i, camera in enumerate(manifest.cameras):
+            row, where = prediction.predict_camera(manifest, view, i, amplitude), f"cameras[{i}]"
+            table.append(row)
             warnings += _check_rate(manifest, camera.rate_hz, f"{where}.frame_rate_hz")
             warnings += _check_camera(manifest, camera, row, where, view.corners[i])
         warnings += _check_rig(manifest, view, rig, errors[0])
