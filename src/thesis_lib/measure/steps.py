@@ -163,9 +163,8 @@ def track_markers(
     """
     markers, cameras = markers_of(manifest), cameras_in(calibration)
     frequency = float(np.nan_to_num(sound["frequency"]))
-    visible = manifest.structure.model_dump(
-        mode="json", include={"length_mm", "width_mm", "markers"}
-    )
+    seen = {"length_mm", "width_mm", "markers"}
+    visible = manifest.structure.model_dump(mode="json", include=seen)
 
     def track_camera(index: int, tick: Callable[[int], None]) -> Recording:
         files = manifest.cameras[index]

@@ -162,10 +162,9 @@ def read_frames(
     """
     info = probe_media(path)
     with open_media(path) as file:
-        stream = video_track(file, path)
         timed = clock is None and file.format.name not in media_info.UNTIMED_FORMATS
         k, previous = 0, np.nan
-        frames = media_info.decode_frames(file, stream, path)
+        frames = media_info.decode_frames(file, video_track(file, path), path)
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
             if (time - previous) * info.frame_rate > 1.75:

@@ -52,7 +52,6 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
     most, length = float(np.abs(amplitude).max()), float(max(np.ptp(x), np.ptp(y)))
     scale = DRAWN_DEFLECTION * length / most
     corners, lines = marker_faces(x / 1e3, y / 1e3), marker_edges(x / 1e3, y / 1e3)
-    norm = Normalize(-most, most)
     with in_style():
         figure = Figure(figsize=(SHAPE_SIZE_PX[0] / 100, SHAPE_SIZE_PX[1] / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
@@ -63,7 +62,7 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
         axes.view_init(28, -60)
         axes.set_axis_off()
         bar = figure.add_axes((0.25, 0.1, 0.5, 0.025))
-        painted = ScalarMappable(norm, SHAPE_COLORMAP)
+        painted = ScalarMappable(Normalize(-most, most), SHAPE_COLORMAP)
         figure.colorbar(painted, cax=bar, orientation="horizontal", label="deflection in mm")
         frames = []
         for k in range(FRAMES_A_PERIOD):

@@ -75,8 +75,7 @@ def _check_frequency(data: xr.Dataset) -> Iterator[Note]:
     better = {f: lag for f, lag in lags.items() if lag < own / 3}
     rivals = ", ".join(f"{f:.6g} Hz ({lag:.0f}°)" for f, lag in sorted(lags.items()))
     if own > MAX_OUT_OF_STEP_DEG and better:
-        best = min(better, key=lambda f: better[f])
-        lag = better[best]
+        best, lag = min(better.items(), key=lambda item: item[1])
         yield make_note("maybe-alias", used=used, best=best, own=own, lag=lag, rivals=rivals)
     elif used > 0.5 * float(data["frame_rate"].min()) and lags:
         plain = ", ".join(f"{f:.6g} Hz" for f in lags)
