@@ -263,14 +263,12 @@ def _kinds(name: str) -> set[str]:
     """Return what a column of a name may be: time, force, index."""
     low = re.sub(r"[\s_]+", " ", name.lower()).strip()
     words = {low, *re.split(r"[ .:;/\\-]", low)}
-    found = set()
-    if words & TIME_NAMES or low.startswith(("time", "zeit")):
-        found.add("time")
-    if words & (FORCE_NAMES - {"f"}) or low == "f" or "kraft" in low or "force" in low:
-        found.add("force")
-    if low in INDEX_NAMES or low.startswith("unnamed"):
-        found.add("index")
-    return found
+    fits = {
+        "time": words & TIME_NAMES or low.startswith(("time", "zeit")),
+        "force": words & (FORCE_NAMES - {"f"}) or low == "f" or "kraft" in low or "force" in low,
+        "index": low in INDEX_NAMES or low.startswith("unnamed"),
+    }
+    return {kind for kind, fit in fits.items() if fit}
 
 
 def _columns(

@@ -117,10 +117,8 @@ def _check_yaml(text: str) -> None:
     for count, event in enumerate(yaml.parse(text, _Loader)):
         if isinstance(event, yaml.AliasEvent):
             raise _refusal("an alias, allowed: values", event)
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-        if isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
         if isinstance(event, yaml.ScalarEvent) and len(event.value) > MAX_CHARACTERS:
             raise _refusal(f"a value of more than {MAX_CHARACTERS} characters", event)
         if depth > MAX_DEPTH:
