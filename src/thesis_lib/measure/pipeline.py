@@ -71,18 +71,7 @@ def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Re
     for line in [*reading, *(f"Frames repeat: {line}" for line in repeats)]:
         say(line)
     sound.attrs["repeats"] = "\n".join(repeats)
-    board = manifest.board.board
-    if given is None or manifest.calibration is None:
-        placed = measuring.calibrate_rig(manifest, folder, steps, say)
-        calibration = uncertainty.jackknife_calibration(placed, board, steps)
-    elif manifest.calibration.poses == "kept":
-        reused = cameras.as_calibrated(given)
-        calibration = uncertainty.read_deviations(reused, given.covariance)
-    else:  # reused lenses at new places
-        n = bundle_adjustment.LENS_UNKNOWNS * len(given.cameras)
-        held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
-        placed = measuring.calibrate_rig(manifest, folder, steps, say, given.cameras)
-        calibration = uncertainty.jackknife_calibration(placed, board, steps, held)
+    calibration = _calibrate(manifest, folder, steps, given, say)
     recordings = measuring.track_markers(filmed, folder, steps, calibration, sound, clocks)
     return Recorded(sound, calibration, recordings)
 
@@ -132,6 +121,22 @@ def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, s
         "synchronisation": of.sound.attrs["synchronisation"],
         "repeats": of.sound.attrs.get("repeats", ""),
     }
+
+
+def _calibrate(
+    manifest: Manifest, folder: Path, steps: Path, given: cameras.Found | None, say: Say
+) -> xr.Dataset:
+    """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
+    board = manifest.board.board
+    if given is None or manifest.calibration is None:
+        placed = measuring.calibrate_rig(manifest, folder, steps, say)
+        return uncertainty.jackknife_calibration(placed, board, steps)
+    if manifest.calibration.poses == "kept":
+        return uncertainty.read_deviations(cameras.as_calibrated(given), given.covariance)
+    n = bundle_adjustment.LENS_UNKNOWNS * len(given.cameras)
+    held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
+    placed = measuring.calibrate_rig(manifest, folder, steps, say, given.cameras)
+    return uncertainty.jackknife_calibration(placed, board, steps, held)
 
 
 def measure_recordings(path: Path, out: Path, say: Say = print) -> build.Report:

@@ -173,22 +173,27 @@ def read_frames(
                     f"the next at {time:.3f} s"
                 )
             if k >= start:
-                if info.depth < 16 and frame.format.components[0].bits == 16:
-                    levels = np.asarray(frame.to_ndarray(format="gray16le"), np.uint16)
-                    image = np.minimum(levels >> (info.depth - 8), 255).astype(np.uint8)
-                else:
-                    image = frame.to_ndarray(format="gray")
-                transposed, mirrored, flipped = media_info.orientation_of(frame)
-                image = image.T if transposed else image
-                image = image[:, ::-1] if mirrored else image
-                image = image[::-1] if flipped else image
-                yield np.array(image, np.uint8, order="C")  # not the decoder's own
+                yield _show_frame(frame, info.depth)
             k, previous = k + 1, time
         there = info.frames if clock is None else len(clock)
         wanted = there if stop is None else stop
         if wanted is not None and k < wanted:
             says = f"the file says {there}" if stop is None else f"asked up to {stop}"
             raise MediaError(f"{path}: ends before frame {k}, {says} frames")
+
+
+def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
+    """Return a frame in gray, as it is to be shown, uint8 of shape (height, width)."""
+    if depth < 16 and frame.format.components[0].bits == 16:
+        levels = np.asarray(frame.to_ndarray(format="gray16le"), np.uint16) >> (depth - 8)
+        image = np.minimum(levels, 255).astype(np.uint8)
+    else:
+        image = frame.to_ndarray(format="gray")
+    transposed, mirrored, flipped = media_info.orientation_of(frame)
+    image = image.T if transposed else image
+    image = image[:, ::-1] if mirrored else image
+    image = image[::-1] if flipped else image
+    return np.array(image, np.uint8, order="C")  # not the decoder's own
 
 
 def write_png(path: Path, image: Image) -> None:
