@@ -52,13 +52,6 @@ def ease_limit(scene: Scene, field: str) -> Scene:
     return replace(scene, rules=replace(rules, **full[field]))  # type: ignore[arg-type]
 
 
-def binding_limits(scene: Scene, step: float) -> list[str]:
-    """Return parameters each of which alone leaves no place: without its limit there are some."""
-    eased = {field: ease_limit(scene, field) for field in OPTION_FIELDS}
-    eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
-    return [field for field, one in eased.items() if len(candidate_positions(one, step))]
-
-
 def _text(request: PlanRequest, field: str) -> str:
     value = getattr(request, field)
     return f"{field}={list(value) if isinstance(value, tuple) else value}"
@@ -67,7 +60,10 @@ def _text(request: PlanRequest, field: str) -> str:
 def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     """Explain which limits allow no place."""
     step, nowhere = np.radians(request.step_deg), "plan: no camera may stand anywhere; binding:"
-    if found := binding_limits(scene, step):
+    # parameters each of which alone leaves no place: without its limit there are some
+    eased = {field: ease_limit(scene, field) for field in OPTION_FIELDS}
+    eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
+    if found := [field for field, one in eased.items() if len(candidate_positions(one, step))]:
         text = " or ".join(_text(request, field) for field in found)
         return ImpossibleError(f"{nowhere} {text} (any of these eased alone leaves places)")
     bare = scene
@@ -247,9 +243,26 @@ def plan(
     if request.goal != "shape":
         tell("moving cameras for the sound")
         options = for_sound(options, request)
+    draws = max(request.trials, 1), request.seed, request.estimator
+    verified: list[Verified] = []
+    for one in options:
+        wrong = errors.draw_errors(one.scene, one.layout, one.resolution[0], *draws)
+        if request.goal == "shape":
+            found = errors.simulate_errors(one.scene, wrong, request.objective, one.point)
+        else:
+            found = sound.simulate_sound_errors(request.sounds, wrong, request.goal)
+        verified.append(Verified(*found))
     front = pareto([one.cost for one in options], [one.error for one in options])
-    verified = [_verified(one, request) for one in options]
-    chosen = _cheapest(options, verified, front, request)
+    chosen, target = front[-1], request.target_percent
+    if target is not None:
+        reached = [
+            i
+            for i, (one, found) in enumerate(zip(options, verified, strict=True))
+            if max(one.error, float(found.simulated.max())) <= target
+        ]
+        if not reached:
+            raise explain_unreached(options[chosen], request)
+        chosen = min(reached, key=lambda i: (options[i].cost, options[i].error))
     return Plan(request, body, options, verified, front, chosen, total)
 
 
@@ -272,14 +285,6 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
         moved = replace(one, layout=layout, predicted=own, expected=worst, point=point)
         found.append(replace(moved, bound=np.nan, instead=Instead(one, field)))
     return found
-
-
-def _verified(one: Option, request: PlanRequest) -> Verified:
-    draws = max(request.trials, 1), request.seed, request.estimator
-    wrong = errors.draw_errors(one.scene, one.layout, one.resolution[0], *draws)
-    if request.goal != "shape":
-        return Verified(*sound.simulate_sound_errors(request.sounds, wrong, request.goal))
-    return Verified(*errors.simulate_errors(one.scene, wrong, request.objective, one.point))
 
 
 def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:
@@ -338,18 +343,6 @@ def _options(
             found = kind, rate, price, expected, point, own, least, scene
             options.append(Option(layout, (width, height), *found))
     return options
-
-
-def _cheapest(
-    options: list[Option], verified: list[Verified], front: list[int], request: PlanRequest
-) -> int:
-    target = request.target_percent
-    if target is None:
-        return front[-1]
-    for i in sorted(range(len(options)), key=lambda i: (options[i].cost, options[i].error)):
-        if max(options[i].error, float(verified[i].simulated.max())) <= target:
-            return i
-    raise explain_unreached(options[front[-1]], request)
 
 
 CAMERA_COLUMNS = (

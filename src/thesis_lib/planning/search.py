@@ -136,23 +136,18 @@ def settle_layout(about: Surroundings, layout: Array, objective: str) -> Array:
         least = SEARCH_STEPS_RAD[-1]
         for turn, reach in ((0.0, step), (step, least), (-step, least)):
             for _ in range(_MAX_ROUNDS):
-                start = turn_layout(about.scene, layout, turn) if turn else layout
-                moved = _move_best(about, start, reach, objective)
-                value = np.inf if moved is None else about.cost(moved, objective)
-                if moved is None or not value < best * (1 - positions.MAX_TIE_RATIO):
+                turned = turn_layout(about.scene, layout, turn) if turn else layout
+                around, whose = find_neighbours(about, turned, reach)
+                start = [i if whose[i, i] else -1 for i in range(len(layout))]  # where allowed
+                near, known = too_near(about.scene, around), about.information(around)
+                chosen, _ = exchange_cameras(known, near, start, objective, whose)
+                if -1 in chosen or not errors.is_spaced(about.scene, around[chosen]):
+                    break  # there is no room
+                value = about.cost(around[chosen], objective)
+                if not value < best * (1 - positions.MAX_TIE_RATIO):
                     break
-                layout, best = moved, value
+                layout, best = around[chosen], value
     return layout
-
-
-def _move_best(about: Surroundings, layout: Array, step: float, objective: str) -> Array | None:
-    """Find the best layout about one whose places may be forbidden; None without room."""
-    around, whose = find_neighbours(about, layout, step)
-    start = [i if whose[i, i] else -1 for i in range(len(layout))]
-    near = too_near(about.scene, around)
-    chosen, _ = exchange_cameras(about.information(around), near, start, objective, whose)
-    found = around[chosen]
-    return found if -1 not in chosen and errors.is_spaced(about.scene, found) else None
 
 
 def choose_layout(scene: positions.Scene, layouts: Sequence[Array], objective: str) -> Array | None:

@@ -86,12 +86,10 @@ def _at_point(
 ) -> PlateSound:
     """Compute the sound at one point (3,) in m; its pressure counts as a field does."""
     row = radiation.transfer_pressure(parts, point, omega, medium)
-    own, disordered = (omega * np.abs(reference @ row), omega * np.linalg.norm(row * reference))
+    own, disordered = omega * np.abs(reference @ row), omega * np.linalg.norm(row * reference)
     largest = np.array([np.nan if own <= MAX_NODAL_PRESSURE_RATIO * disordered else own])
-    factor, resistance = (
-        np.stack([row.real, row.imag]),
-        radiation.radiation_matrix(parts, omega, medium),
-    )
+    resistance = radiation.radiation_matrix(parts, omega, medium)
+    factor = np.stack([row.real, row.imag])
     return PlateSound(omega, reference, (), (factor,), largest, resistance)
 
 

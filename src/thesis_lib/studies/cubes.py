@@ -224,8 +224,18 @@ def compare_summaries(
     return table
 
 
-def comparison_lines(table: pd.DataFrame, old_name: str, first: str) -> list[str]:
-    """Return a line per setting and mode, in % of the largest deflection."""
+def difference_lines(
+    cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
+) -> list[str]:
+    """Describe how a cube's errors differ from those of another, or from the published run.
+
+    A line per setting and mode, in % of the largest deflection.
+    """
+    old_name = name if other is not None else "published"
+    before = read_published(cube.attrs["figure_set"]) if other is None else summarise_errors(other)
+    if before is None:
+        return ["nothing is published yet to compare with"]
+    table = compare_summaries(summarise_errors(cube), before)
     if "verdict" in table:
         changed = table[table["verdict"] != table["verdict_old"]]
         lines = [f"{r.claim}: {r.verdict_old} → {r.verdict}" for r in changed.itertuples()]
@@ -250,7 +260,7 @@ def comparison_lines(table: pd.DataFrame, old_name: str, first: str) -> list[str
         nominal = f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
         return f"{_bands(row)} | {change:>7} | {nominal}"
 
-    return _tabulate_errors(table, first, title, cells)
+    return _tabulate_errors(table, cube.attrs["trial_0"], title, cells)
 
 
 def _bands(row: Any) -> str:
@@ -276,18 +286,6 @@ def _tabulate_errors(
         f"{meanings}"
     )
     return [header, "-" * len(header), *lines, legend]
-
-
-def difference_lines(
-    cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
-) -> list[str]:
-    """Describe how a cube's errors differ from those of another, or from the published run."""
-    name = name if other is not None else "published"
-    old = read_published(cube.attrs["figure_set"]) if other is None else summarise_errors(other)
-    if old is None:
-        return ["nothing is published yet to compare with"]
-    table = compare_summaries(summarise_errors(cube), old)
-    return comparison_lines(table, name, cube.attrs["trial_0"])
 
 
 def published_comparison(cube: xr.Dataset) -> pd.DataFrame:

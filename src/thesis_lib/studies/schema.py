@@ -80,29 +80,6 @@ def label_values(
 # The outline of a structure, and the cells of its markers.
 
 
-def structure_outline(structure: Structure) -> tuple[tuple[str, str], Array, dict[str, Any]]:
-    """Return closed curves as a coordinate (corner, xy) in m, a row of NaN after each.
-
-    They are in world X and Y: outline, then holes the other way. The attributes tell what kind of
-    structure it is, its sizes, and of a panel the grid of cells in which its markers are.
-    """
-    half = np.array(structure.extent) / 2
-    about = {
-        "units": "m",
-        "long_name": "outline of the structure, then outlines of holes",
-        "structure": type(structure).__name__.lower(),
-        "length": np.float64(structure.extent[0]),
-        "width": np.float64(structure.extent[1]),
-    }
-    if isinstance(structure, Panel):
-        curves = [curve - half for curve in structure.contours]
-        about["grid"] = np.array(structure.grid)
-    else:
-        curves = [half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]]
-    rows = [np.insert(curve, len(curve), np.nan, axis=0) for curve in curves]
-    return ("corner", "xy"), np.concatenate(rows), about
-
-
 def structure_kind(cube: xr.Dataset) -> str:
     """Return whether a cube is of a beam, a plate or a panel."""
     return str(cube["outline"].attrs["structure"])
@@ -170,8 +147,7 @@ def extreme_settings(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]
 
 def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, Any]:
     """Return the coordinates of fields on planes, and of the extreme settings of each case."""
-    names = [plane.name for plane in planes]
-    values = cases, names, ["best", "worst"], planes[0].u, planes[0].z
+    values = cases, [plane.name for plane in planes], ["best", "worst"], planes[0].u, planes[0].z
     return label_values(dict(zip(FIELD_COORDINATES, values, strict=True)), FIELD_COORDINATES)
 
 
@@ -272,7 +248,12 @@ def with_provenance(
 
 
 def describe_study(cube: xr.Dataset, study: Study) -> xr.Dataset:
-    """Add the words of a study and its settings: titles, numbers in the thesis, outline."""
+    """Add the words of a study and its settings: titles, numbers in the thesis, outline.
+
+    The outline is closed curves (corner, xy) in world X and Y in m, a row of NaN after each: that
+    of the structure, then holes the other way. Its attributes tell what kind of structure it is,
+    its sizes, and of a panel the grid of cells in which its markers are.
+    """
     cube = cube.assign_attrs(
         varied=study.varied,
         varied_label=study.varied_label,
@@ -289,10 +270,24 @@ def describe_study(cube: xr.Dataset, study: Study) -> xr.Dataset:
     numbers = [[setups.figure_number(*kind, case, mode) for mode in modes] for case in cases]
     words = {"long_name": "description of the case", "units": "1"}
     figure = {"long_name": "number of the figure in the thesis, if there is one", "units": "1"}
+    structure, half = study.structure, np.array(study.structure.extent) / 2
+    about = {
+        "units": "m",
+        "long_name": "outline of the structure, then outlines of holes",
+        "structure": type(structure).__name__.lower(),
+        "length": np.float64(structure.extent[0]),
+        "width": np.float64(structure.extent[1]),
+    }
+    if isinstance(structure, Panel):
+        curves = [curve - half for curve in structure.contours]
+        about["grid"] = np.array(structure.grid)
+    else:
+        curves = [half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]]
+    rows = [np.insert(curve, len(curve), np.nan, axis=0) for curve in curves]
     return cube.assign_coords(
         case_title=("setting", titles, words),
         thesis_figure=(("setting", "mode"), np.array(numbers), figure),
-        outline=structure_outline(study.structure),
+        outline=(("corner", "xy"), np.concatenate(rows), about),
     )
 
 

@@ -142,14 +142,6 @@ class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
         return self._known[name]
 
 
-def _refuse_bomb(file: h5netcdf.File, path: Path) -> None:
-    """Refuse a small file that would fill the memory: a cube is packed no tighter than this."""
-    claimed = sum(math.prod(v.shape) * np.dtype(v.dtype).itemsize for v in file.variables.values())
-    if claimed > max(HELD_BYTES, _MAX_PACKING_RATIO * path.stat().st_size):
-        size, held = path.stat().st_size / 1e6, claimed / 1e6
-        raise CubeError(f"{path}: not a cube of this project ({size:.3g} MB say {held:.3g} MB)")
-
-
 def read_attributes(path: Path) -> dict[str, Any]:
     """Return the attributes of a netCDF file as a whole, without its variables."""
     with _HDF5_LOCK, h5netcdf.File(path) as file:
@@ -167,7 +159,12 @@ def open_netcdf(path: Path) -> xr.Dataset:
             _Indexed(path) as indexed,
             h5netcdf.File(indexed, decode_vlen_strings=True) as file,
         ):
-            _refuse_bomb(file, path)
+            every, size = file.variables.values(), path.stat().st_size
+            held = sum(math.prod(one.shape) * np.dtype(one.dtype).itemsize for one in every)
+            # A small file that would fill the memory is none: no cube is packed as tightly.
+            if held > max(HELD_BYTES, _MAX_PACKING_RATIO * size):
+                said = f"{size / 1e6:.3g} MB say {held / 1e6:.3g} MB"
+                raise CubeError(f"{path}: not a cube of this project ({said})")
             return xr.open_dataset(xr.backends.H5NetCDFStore(file), cache=False).load()
     except CubeError:
         raise
@@ -206,27 +203,21 @@ def _digest(path: Path) -> Path:
     return path.with_name(f".{path.name}.sha256")
 
 
-def read_cache(path: Path) -> xr.Dataset | None:
-    """Return the dataset cached in a file; None if there is none, or it is damaged (a warning)."""
-    if not path.exists():
-        return None
-    try:
-        if _digest(path).read_text(encoding="ascii").strip() == sha256(path):
-            return open_netcdf(path)
-    except (OSError, ValueError, CubeError):
-        pass
-    aside(f"{path} is not what was stored there; it is computed again")
-    return None
-
-
 def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = "") -> xr.Dataset:
     """Return what a file holds, if it has the key; else compute, write and read it.
 
-    Its attribute `run_time_s` says how long it took.
+    Its attribute `run_time_s` says how long it took. A file that is not what was stored there is
+    computed again, with a warning.
     """
-    data = read_cache(path)
-    if data is not None and data.attrs.get("key", "") == key:
-        return data
+    if path.exists():
+        data: xr.Dataset | None = None
+        with suppress(OSError, ValueError, CubeError):
+            if _digest(path).read_text(encoding="ascii").strip() == sha256(path):
+                data = open_netcdf(path)
+        if data is None:
+            aside(f"{path} is not what was stored there; it is computed again")
+        elif data.attrs.get("key", "") == key:
+            return data
     begun = time.perf_counter()
     cube = compute()
     cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
