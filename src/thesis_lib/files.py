@@ -114,8 +114,7 @@ def folder_files(places: Iterable[Path]) -> list[Path]:
     """Return the given files and those in the given folders, without what Python has compiled."""
     found = set[Path]()
     for place in places:
-        inside = place.rglob("*") if place.is_dir() else [place]
-        for path in inside:
+        for path in place.rglob("*") if place.is_dir() else [place]:
             left_out = {"__pycache__", _SHIPPED_FOLDER} & {*path.relative_to(place).parts}
             if path.is_file() and path.suffix != ".pyc" and not left_out:
                 found.add(path)
@@ -300,7 +299,10 @@ def put_files(part: Path, folder: Path) -> None:
         for name in names:
             file = folder / name
             if os.path.lexists(file) and (file.is_symlink() or sha256(file) not in record[name]):
-                _set_aside(file)
+                others = (file.with_stem(f"{file.stem}.{k}") for k in itertools.count(1))
+                kept = next(other for other in others if not os.path.lexists(other))
+                file.rename(kept)
+                aside(f"{file} has changed since it was written; it is kept as {kept.name}")
             file.parent.mkdir(parents=True, exist_ok=True)
             (part / name).replace(file)
 
@@ -321,14 +323,6 @@ def mark_cache(folder: Path) -> None:
         whole_text(folder / CACHE_TAG, _TAG_TEXT)
 
 
-def _set_aside(file: Path) -> None:
-    """Rename a result that has been edited since it was written, and say so."""
-    names = (file.with_stem(f"{file.stem}.{k}") for k in itertools.count(1))
-    kept = next(name for name in names if not os.path.lexists(name))
-    file.rename(kept)
-    aside(f"{file} has changed since it was written; it is kept as {kept.name}")
-
-
 def _read_record(folder: Path) -> Mapping[str, list[str]]:
     """Return the digests of each file that commands wrote into a folder, by its name there."""
     path = folder / RECORD_NAME
@@ -338,5 +332,4 @@ def _read_record(folder: Path) -> Mapping[str, list[str]]:
         record = json.loads(path.read_text(encoding="utf-8"))["thesis_lib"]
         return {str(name): [str(digest) for digest in all_] for name, all_ in record.items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        why = f"{path}: no record of what was written there; {_REMEDY}"
-        raise OutputError(why) from None
+        raise OutputError(f"{path}: no record of what was written there; {_REMEDY}") from None

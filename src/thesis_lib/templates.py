@@ -52,7 +52,7 @@ def _environment(folder: Path) -> jinja2.Environment:
         "percent": lambda value: percent_text(float(value)),
         "band": lambda values: band_text(*map(float, values)),
         "mm": format_millimetres,
-        "rms": root_mean_square,
+        "rms": lambda values: float(np.sqrt((values**2).mean())),
         "minus": lambda text: text.replace("-", "−"),
         "signed": format_signed,
         "spread": format_spread,
@@ -117,11 +117,6 @@ def format_spread(values: Iterable[float], digits: int = 2) -> str:
     )
     to = " to " if "−" in low else "–"
     return middle if low == high else f"{middle} ({low}{to}{high})"
-
-
-def root_mean_square(values: Any) -> float:
-    """Return the root mean square of an array's values."""
-    return float(np.sqrt((values**2).mean()))
 
 
 def join_words(words: Iterable[Any], last: str = "and") -> str:

@@ -168,8 +168,7 @@ def read_claims() -> list[Claim]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    ends = "low", "high"
-    rounding = {"rounding": lambda row: [half_digit(row[end]) for end in ends]}
+    rounding = {"rounding": lambda row: [half_digit(row[end]) for end in ("low", "high")]}
     return [*read_rows("claims.csv", Claim, rounding)]
 
 
@@ -388,20 +387,14 @@ def _sine_factor() -> float:
 def _factor_of_mixed_term() -> float:
     """Return the factor of the mixed derivative in eq. 4.1 from the frequencies of eq. 4.6."""
     a2, b2 = ((math.pi / side) ** 2 for side in THESIS_PLATE.extent)
-    waves = (
-        THESIS_PLATE.angular_frequencies(1)[0] ** 2
-        * THESIS_PLATE.mass_per_area
-        / THESIS_PLATE.bending_stiffness
-    )
+    omega = THESIS_PLATE.angular_frequencies(1)[0]
+    waves = omega**2 * THESIS_PLATE.mass_per_area / THESIS_PLATE.bending_stiffness
     return float((waves - a2**2 - b2**2) / (a2 * b2))
 
 
 def _at_resonance() -> complex:
-    return complex(
-        structures.modal_coordinates(
-            THESIS_BEAM, structures.resonance_frequency(THESIS_BEAM, 1), 1
-        )[0]
-    )
+    omega = structures.resonance_frequency(THESIS_BEAM, 1)
+    return complex(structures.modal_coordinates(THESIS_BEAM, omega, 1)[0])
 
 
 def _cameras(case: str) -> set[Direction]:

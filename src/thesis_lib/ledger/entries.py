@@ -299,7 +299,10 @@ def explain_differences(found: Iterable[Entry], readings: xr.Dataset) -> list[En
             return entry
         if entry.id in known:
             reason = known[entry.id]
-            return replace(entry, note=reason.reason, note_href=_link(reason.page))
+            document, mark, anchor = reason.page.partition("#")  # of the book
+            folder, _, name = document.rpartition("/")
+            target = f"{name}.html" if folder == "executed" else f"../{document}.html"
+            return replace(entry, note=reason.reason, note_href=f"{target}{mark}{anchor}")
         if entry.note:
             return replace(entry, note_href=EXCLUSION_LINK)
         note = _by_interpretation(entry.id, readings) if entry.id in values else NOT_FOUND
@@ -329,14 +332,6 @@ def _by_interpretation(name: str, readings: xr.Dataset) -> str:
         f"No explanation was found that fits the other values: “{names[best]}” meets this one, "
         f"but only {met[best]} in all; {adopted}"
     )
-
-
-def _link(page: str) -> str:
-    """Return a document of the book as the ledger's page links to it."""
-    document, _, anchor = page.partition("#")
-    folder, _, name = document.rpartition("/")
-    target = f"{name}.html" if folder == "executed" else f"../{document}.html"
-    return target + (f"#{anchor}" if anchor else "")
 
 
 KIND_WORDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}

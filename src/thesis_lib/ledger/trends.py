@@ -36,7 +36,7 @@ alike
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -242,12 +242,11 @@ def _same_trends(evidence: Evidence, _: str) -> Mask:
     groups: dict[tuple[str, str, int], list[Array]] = {}
     for (quantity, case, mode), errors in evidence.named:
         groups.setdefault((quantity, case.partition(" at ")[0], mode), []).append(errors)
-    found = []
-    for group in groups.values():
-        for a, b in combinations(group, 2):
-            opposite = (_down(a) & _up(b)) | (_up(a) & _down(b))
-            found.append(_close(a[-1] / a[0], b[-1] / b[0]) & ~opposite)
-    return _all(found)
+    return _all(
+        _close(a[-1] / a[0], b[-1] / b[0]) & ~((_down(a) & _up(b)) | (_up(a) & _down(b)))
+        for group in groups.values()
+        for a, b in combinations(group, 2)
+    )
 
 
 TREND_PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
@@ -347,32 +346,28 @@ def _gentler(evidence: Evidence, argument: str) -> Mask:
 def _best_case(evidence: Evidence, argument: str) -> Mask:
     """``best_case 2a``: of all cases, this one has the least mean."""
     holds = []
-    for quantity in evidence.trend.quantities:
-        for mode in evidence.trend.modes:
-            mean = {
-                case: np.log(evidence.errors(quantity, case, mode)).mean(axis=0)
-                for case in evidence.cases
-            }
-            holds += [mean[argument] < mean[case] for case in mean if case != argument]
+    for quantity, mode in product(evidence.trend.quantities, evidence.trend.modes):
+        errors = {case: evidence.errors(quantity, case, mode) for case in evidence.cases}
+        mean = {case: np.log(one).mean(axis=0) for case, one in errors.items()}
+        holds += [mean[argument] < mean[case] for case in mean if case != argument]
     return _all(holds)
 
 
 def _test_unrelated(evidence: Evidence, argument: str) -> Mask:
     """``unrelated deflection_error``: a rank correlation over all settings of at most ½."""
     holds = []
-    for quantity in evidence.trend.quantities:
-        for mode in evidence.trend.modes:
-            both = [
-                [evidence.errors(q, case, mode) for q in (quantity, argument)]
-                for case in evidence.cases
-            ]
-            known = [pair for pair in both if np.isfinite(pair[0]).all()]
-            if not known:
-                continue
-            pair = map(np.concatenate, zip(*known, strict=True))
-            a, b = (rankdata(errors, axis=0) - (len(errors) + 1) / 2 for errors in pair)
-            norm = np.sqrt(np.sum(a**2, axis=0) * np.sum(b**2, axis=0))
-            holds.append(np.abs(np.sum(a * b, axis=0)) <= 0.5 * norm)
+    for quantity, mode in product(evidence.trend.quantities, evidence.trend.modes):
+        both = [
+            [evidence.errors(name, case, mode) for name in (quantity, argument)]
+            for case in evidence.cases
+        ]
+        known = [pair for pair in both if np.isfinite(pair[0]).all()]
+        if not known:
+            continue
+        pair = map(np.concatenate, zip(*known, strict=True))
+        a, b = (rankdata(errors, axis=0) - (len(errors) + 1) / 2 for errors in pair)
+        norm = np.sqrt(np.sum(a**2, axis=0) * np.sum(b**2, axis=0))
+        holds.append(np.abs(np.sum(a * b, axis=0)) <= 0.5 * norm)
     return _all(holds)
 
 

@@ -23,6 +23,7 @@ Trends are judged by :mod:`thesis_lib.ledger.trends`, on the series.
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
+from itertools import product
 
 import numpy as np
 import xarray as xr
@@ -276,9 +277,7 @@ class Evidence:
 
     def pairs(self, other: str) -> Iterator[tuple[Array, Array]]:
         """Yield the errors of the trend's own case and of another, for each quantity and mode."""
-        for quantity in self.trend.quantities:
-            for mode in self.trend.modes:
-                own = self.errors(quantity, self.cases[0], mode)
-                second = self.errors(quantity, other, mode)
-                if np.isfinite(own).all() and np.isfinite(second).all():
-                    yield own, second
+        for quantity, mode in product(self.trend.quantities, self.trend.modes):
+            own, second = (self.errors(quantity, case, mode) for case in (self.cases[0], other))
+            if np.isfinite(own).all() and np.isfinite(second).all():
+                yield own, second

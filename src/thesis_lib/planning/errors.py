@@ -202,11 +202,7 @@ def too_near(scene: Scene, grid: Array) -> Mask:
 
 
 def exchange_cameras(
-    known: Array,
-    near: Mask,
-    start: Sequence[int],
-    objective: str,
-    whose: Mask | None = None,
+    known: Array, near: Mask, start: Sequence[int], objective: str, whose: Mask | None = None
 ) -> tuple[list[int], float]:
     """Exchange one camera after the other for the best candidate, until none helps (Fedorov).
 

@@ -303,19 +303,6 @@ def shows_enough(scene: Scene, seen: Mask) -> Mask:
     return seen.mean(axis=1) >= scene.rules.in_view - LIMIT_SLACK
 
 
-def are_free(scene: Scene, places: Array) -> Mask:
-    """Return which positions are in bounds and outside forbidden regions, shape (places,)."""
-    azimuth, elevation, distance = places[:, 0], places[:, 1], places[:, 2]
-    low, high = scene.rules.azimuths
-    turned = np.mod(azimuth - low + LIMIT_SLACK, 2 * np.pi) <= high - low + 2 * LIMIT_SLACK
-    inside = (high - low >= 2 * np.pi - LIMIT_SLACK) | turned
-    limits = (elevation, scene.rules.elevations), (distance, scene.rules.distances)
-    for values, (least, most) in limits:
-        inside = inside & (values >= least * (1 - LIMIT_SLACK) - LIMIT_SLACK)
-        inside = inside & (values <= most * (1 + LIMIT_SLACK) + LIMIT_SLACK)
-    return np.asarray(inside & np.all(region_clearances(scene, places) >= -LIMIT_SLACK, axis=0))
-
-
 def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
     """Return which positions are far enough from all others, shape (places,)."""
     from scipy.spatial.distance import cdist  # late: the list of figure sets needs no SciPy
@@ -324,24 +311,19 @@ def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
     return np.asarray(np.all(gap >= scene.rules.least_gap, axis=1))
 
 
-def direction_grid(scene: Scene, step: float) -> Array:
-    """Return grid of azimuths and elevations about `step` (rad) apart, shape (directions, 2)."""
+def candidate_positions(scene: Scene, step: float) -> Array:
+    """Return allowed places to choose from, shape (candidates, 4).
+
+    For every direction of a grid, about `step` (rad) apart, and every lens, the two nearest allowed
+    of some distances that grow from the nearest one that sees enough.
+    """
     (low, high), (bottom, top) = scene.rules.azimuths, scene.rules.elevations
     turn = full_turn(scene.rules.azimuths)
     count = int(np.ceil((2 * np.pi if turn else high - low) / step - 1e-6))
     azimuth = np.linspace(low, low + 2 * np.pi if turn else high, count + 1)[: -1 if turn else None]
     elevation = np.linspace(bottom, top, int(np.ceil((top - bottom) / step - 1e-6)) + 1)
     axes = azimuths(azimuth, (low, high)), angles(elevation, (bottom, top))
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-
-
-def candidate_positions(scene: Scene, step: float) -> Array:
-    """Return allowed places to choose from, shape (candidates, 4).
-
-    For every direction of a grid and every lens, the two nearest allowed of some distances that
-    grow from the nearest one that sees enough.
-    """
-    grid = direction_grid(scene, step)
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     limits = scene.rules.distances
     found = []
     for focal in scene.focals:
@@ -359,7 +341,15 @@ def candidate_positions(scene: Scene, step: float) -> Array:
 
 def are_permitted(scene: Scene, places: Array) -> Mask:
     """Return which positions keep all rules that do not involve other cameras, shape (places,)."""
-    allowed = are_free(scene, places)
+    azimuth, elevation, distance = places[:, 0], places[:, 1], places[:, 2]
+    low, high = scene.rules.azimuths
+    turned = np.mod(azimuth - low + LIMIT_SLACK, 2 * np.pi) <= high - low + 2 * LIMIT_SLACK
+    inside = (high - low >= 2 * np.pi - LIMIT_SLACK) | turned
+    limits = (elevation, scene.rules.elevations), (distance, scene.rules.distances)
+    for values, (least, most) in limits:
+        inside = inside & (values >= least * (1 - LIMIT_SLACK) - LIMIT_SLACK)
+        inside = inside & (values <= most * (1 + LIMIT_SLACK) + LIMIT_SLACK)
+    allowed = np.asarray(inside & np.all(region_clearances(scene, places) >= -LIMIT_SLACK, axis=0))
     allowed[allowed] = sees_enough(scene, places[allowed])
     return allowed
 

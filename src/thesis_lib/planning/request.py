@@ -185,9 +185,6 @@ class PlanRequest(Study):
 
     def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
         """Return what is measured with images in the proportion of one of the resolutions."""
-        boxes = np.array(self.forbidden_boxes_mm, float).reshape(-1, 3, 2)
-        spheres = np.array(self.forbidden_spheres_mm, float).reshape(-1, 4)
-        sectors = np.array(self.forbidden_sectors_deg, float).reshape(-1, 4)
         least, most = self.distances_mm
         low, high = np.radians(self.azimuths_deg).tolist()
         bottom, top = np.radians(self.elevations_deg).tolist()
@@ -198,11 +195,10 @@ class PlanRequest(Study):
             tilt=math.radians(self.tilt_deg),
             in_view=self.in_view,
             separation=self.separation_mm / 1000,
-            boxes=boxes / 1000,
-            spheres=spheres / 1000,
-            sectors=np.radians(sectors),
+            boxes=np.array(self.forbidden_boxes_mm, float).reshape(-1, 3, 2) / 1000,
+            spheres=np.array(self.forbidden_spheres_mm, float).reshape(-1, 4) / 1000,
+            sectors=np.radians(np.array(self.forbidden_sectors_deg, float).reshape(-1, 4)),
         )
-
         width, height = self.resolutions_px[kind]
         focals = tuple(f / self.sensor_width_mm for f in self.focal_lengths_mm)
         return Scene(body or self.measured, self.peaks_m, rules, focals, height / width)

@@ -107,15 +107,13 @@ def _refusal(path: Path, problem: str, needed: str) -> MeshError:
 
 def _open_table(path: Path) -> xr.Dataset:
     if not path.is_file():
-        kind = "is a folder" if path.is_dir() else "is not there"
-        raise _refusal(path, kind, NEEDED_FILE)
+        raise _refusal(path, "is a folder" if path.is_dir() else "is not there", NEEDED_FILE)
     try:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
             ours = {*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode"}
             mesh = file[[name for name in file.variables if name in ours]]
             if mesh.nbytes > storage.HELD_BYTES:
-                held = f"says that it holds {mesh.nbytes / 1e6:.3g} MB"
-                raise _refusal(path, held, MARKERS_ONLY)
+                raise _refusal(path, f"says that it holds {mesh.nbytes / 1e6:.3g} MB", MARKERS_ONLY)
             return mesh.load()
     except MeshError:
         raise

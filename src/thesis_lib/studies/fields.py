@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticCustomError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from thesis_lib.text import one_line
 
@@ -100,15 +100,12 @@ def describe_permitted(model: type[BaseModel], field: str) -> str:
 def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -> str:
     """Return the first problem in one line: the field, what was given, what is allowed."""
     unknown = "extra_forbidden", "invalid_key"
-    problems = error.errors(include_url=False)
-    # A misspelt field comes first: it explains a missing one. A missing part comes last.
-    problem = min(
-        problems,
-        key=lambda one: (
-            one["type"] not in unknown,
-            one["type"] == "missing" and len(one["loc"]) == 1,
-        ),
-    )
+
+    def rank(one: ErrorDetails) -> tuple[bool, bool]:
+        # A misspelt field comes first: it explains a missing one. A missing part comes last.
+        return one["type"] not in unknown, one["type"] == "missing" and len(one["loc"]) == 1
+
+    problem = min(error.errors(include_url=False), key=rank)
     inside, holder, name, place = values, model, "", ""
     within: type[BaseModel] | None = model
     for part in problem["loc"]:  # where in the value; the rest is pydantic's own words
@@ -167,8 +164,7 @@ def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) 
         return describe_type(inside[0], [*bounds, *limits], several)
     if origin is list or (origin is tuple and inside[-1] is Ellipsis):
         different = "" if several or origin is tuple else "different "
-        items = describe_type(inside[0], several=True)
-        return f"{lists} of {_count(limits)}{different}{items}"
+        return f"{lists} of {_count(limits)}{different}{describe_type(inside[0], several=True)}"
     if origin is tuple:
         return f"{lists} of {len(inside)}{_items(inside)}"
     if origin is dict:

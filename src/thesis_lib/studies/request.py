@@ -94,8 +94,7 @@ class Study(fields.Fields):
     def _check_lists(self) -> Study:
         for name in type(self).model_fields:
             value = getattr(self, name)
-            repeats = isinstance(value, list) and len(set(value)) < len(value)
-            if repeats and name != "amplitude_mm":
+            if isinstance(value, list) and len(set(value)) < len(value) and name != "amplitude_mm":
                 self.refuse(name, fields.describe_permitted(type(self), name))
         return self
 
