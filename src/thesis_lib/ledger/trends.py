@@ -81,7 +81,7 @@ class Finding:
         return "within scatter" if max(self.confidence, self.single) > chance else "differs"
 
 
-def judge_trend(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | None:
+def judge_trend(trend: Trend, series: Iterable[Series]) -> Finding | None:
     """Test a trend on the errors of all the cases, modes and quantities of its source.
 
     None if nothing of what it speaks of, or compares with, is among the series.
@@ -90,7 +90,7 @@ def judge_trend(trend: Trend, series: Iterable[Series], seed: int = 0) -> Findin
     if not kept:
         return None
     common = min((n for s in kept.values() if (n := s.errors.shape[1]) > 1), default=1)
-    mean = Evidence(trend, kept, lambda one: one.means(seed))
+    mean = Evidence(trend, kept, lambda one: one.means)
     # Paired, trial by trial; what is equal in all trials stands next to each of them.
     each = Evidence(
         trend,

@@ -21,8 +21,8 @@ Trends are judged by :mod:`thesis_lib.ledger.trends`, on the series.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache
 from itertools import product
 
 import numpy as np
@@ -169,22 +169,18 @@ class Series:
     values: Array  #: The varied parameter, growing, shape (settings,)
     #: In %, of the random trials; NaN where there is no reference, shape (settings, trials)
     errors: Array
-    _means: dict[int, Array] = field(default_factory=dict, compare=False, repr=False)
 
-    def means(self, seed: int) -> Array:
+    @cached_property
+    def means(self) -> Array:
         """Return the means over resampled trials, shape (settings, resamples), computed once."""
-        if seed not in self._means:
-            self._means[seed] = self.errors @ _weights(self.errors.shape[1], seed)
-        return self._means[seed]
+        return self.errors @ _weights(self.errors.shape[1])
 
 
 @lru_cache(maxsize=8)
-def _weights(trials: int, seed: int) -> Array:
+def _weights(trials: int) -> Array:
     """Draw weights of resampled means, (trials, resamples), with replacement."""
-    drawn = np.random.default_rng(seed).multinomial(
-        trials, np.full(trials, 1 / trials), RESAMPLE_COUNT
-    )
-    return np.asarray(drawn.T / trials)
+    even = np.full(trials, 1 / trials)
+    return np.asarray(np.random.default_rng(0).multinomial(trials, even, RESAMPLE_COUNT).T / trials)
 
 
 @cache

@@ -88,8 +88,7 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     elif given.dtype.kind not in "iu" or len(set(given.tolist())) < len(given):
         raise _refusal(path, "has numbers in mode that repeat or are not whole", "1, 2, …")
     numbers = given.tolist()
-    missing = [mode for mode in modes if mode not in numbers]
-    if missing:
+    if not set(modes) <= set(numbers):
         allowed = f"modes that {path} has: {one_line(', '.join(map(str, numbers)))}"
         raise ParameterError(f"plan: modes: given {list(modes)}, allowed: {allowed}")
     rows = [numbers.index(mode) for mode in modes]

@@ -50,8 +50,23 @@ class Panel(Sheet):
     element_size: float  #: Length of an element's side in m
 
     def __post_init__(self) -> None:
-        _check_numbers(self)
-        _check_outline(self)
+        for name in ("thickness", "density", "youngs_modulus", "element_size"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise polygons.ShapeError(name, value, "a number above 0")
+        if not -1 < self.poisson < 0.5:
+            raise polygons.ShapeError("poisson", self.poisson, "a number above -1 and below 0.5")
+        if not 0 <= self.damping < math.sqrt(0.5):
+            raise polygons.ShapeError("damping", self.damping, "a number from 0 to below 0.707")
+        if not np.all(np.isfinite(self.force_position)):
+            raise polygons.ShapeError("force_position", self.force_position, "finite numbers")
+        if min(self.grid) < 1:
+            raise polygons.ShapeError("grid", self.grid, "whole numbers from 1")
+        _check_polygon("outline", self.outline)
+        low = np.min(self.outline, axis=0)
+        if np.any(np.abs(low) > ON_EDGE * max(self.extent)):
+            given = f"a box from {tuple(low.tolist())}"
+            raise polygons.ShapeError("outline", given, "corners whose box begins at (0, 0)")
         _check_holes(self)
         _check_supports(self)
         if not self.covers(np.array(self.force_position, float)[:, None])[0]:
@@ -171,21 +186,6 @@ def _find_modes(panel: Panel, n_modes: int) -> finite_elements.PlateModes:
 # What makes a panel.
 
 
-def _check_numbers(panel: Panel) -> None:
-    for name in ("thickness", "density", "youngs_modulus", "element_size"):
-        value = getattr(panel, name)
-        if not (math.isfinite(value) and value > 0):
-            raise polygons.ShapeError(name, value, "a number above 0")
-    if not -1 < panel.poisson < 0.5:
-        raise polygons.ShapeError("poisson", panel.poisson, "a number above -1 and below 0.5")
-    if not 0 <= panel.damping < math.sqrt(0.5):
-        raise polygons.ShapeError("damping", panel.damping, "a number from 0 to below 0.707")
-    if not np.all(np.isfinite(panel.force_position)):
-        raise polygons.ShapeError("force_position", panel.force_position, "finite numbers")
-    if min(panel.grid) < 1:
-        raise polygons.ShapeError("grid", panel.grid, "whole numbers from 1")
-
-
 def _check_polygon(name: str, polygon: Sequence[polygons.Point]) -> None:
     if len(polygon) < 3 or not np.all(np.isfinite(np.asarray(polygon, float))):
         raise polygons.ShapeError(name, polygon, "at least 3 corners, of finite numbers")
@@ -193,15 +193,6 @@ def _check_polygon(name: str, polygon: Sequence[polygons.Point]) -> None:
     box = float(np.max(np.ptp(corners, axis=0)))
     if not polygons.is_simple(polygon) or abs(polygons.polygon_area(polygon)) < 1e-9 * box**2:
         raise polygons.ShapeError(name, polygon, "edges that meet at their common corners alone")
-
-
-def _check_outline(panel: Panel) -> None:
-    _check_polygon("outline", panel.outline)
-    if np.any(np.abs(np.min(panel.outline, axis=0)) > ON_EDGE * max(panel.extent)):
-        low = tuple(np.min(panel.outline, axis=0).tolist())
-        raise polygons.ShapeError(
-            "outline", f"a box from {low}", "corners whose box begins at (0, 0)"
-        )
 
 
 def _check_holes(panel: Panel) -> None:

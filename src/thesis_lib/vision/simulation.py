@@ -146,17 +146,6 @@ def assurance_criterion(measured: Array, reference: Array) -> Array:
         return np.asarray(np.sum(m * r, -1) ** 2 / (np.sum(m * m, -1) * np.sum(r * r, -1)))
 
 
-def point_heights(
-    P: Array, uv: Array, estimator: str, normals: Array | None = None, noise_px: float = 0.0
-) -> Array:
-    """Estimate points' heights in m from rounded images (cameras, 2, ...).
-
-    They are Z, or what points (3, ..., markers) have along the markers' normals (3, markers).
-    """
-    points = ESTIMATOR_RULES[estimator](P, uv, noise_px)
-    return points[2] if normals is None else np.einsum("k...m,km->...m", points, normals)
-
-
 def measure_deflections(
     cameras: CameraArray,
     points: Array,
@@ -197,7 +186,8 @@ def measure_deflections(
     images = project(P, points[:, seen])[:, :, :, None] + shift
     if noise is not None:
         images += np.moveaxis(noise[:, :, :, seen], 0, 3)
-    height = point_heights(P, pixelate(images) - shift, estimator, normals, noise_px)
+    found = ESTIMATOR_RULES[estimator](P, pixelate(images) - shift, noise_px)
+    height = found[2] if normals is None else np.einsum("k...m,km->...m", found, normals)
     if not rest_is_known:
         return height[1:] - height[0]
     return height - (points[2, 0] if normals is None else np.sum(points[:, 0] * normals, axis=0))
