@@ -36,11 +36,9 @@ class Amplitudes:
     covariance: Array  #: Of the real parts, then the imaginary parts, shape (2n, 2n)
 
     def __post_init__(self) -> None:
-        n = len(self.value)
-        if self.covariance.shape != (2 * n, 2 * n):
-            raise ValueError(
-                f"covariance: given shape {self.covariance.shape}, needs {(2 * n, 2 * n)}"
-            )
+        needed = (2 * len(self.value),) * 2
+        if self.covariance.shape != needed:
+            raise ValueError(f"covariance: given shape {self.covariance.shape}, needs {needed}")
 
     @property
     def stacked(self) -> Array:

@@ -201,10 +201,9 @@ class PlateSound:
         largest = np.array([np.abs(op.field(omega * reference)).max() for op in operators])
         disordered = [omega * np.linalg.norm(F) * np.abs(reference).max() for F in factors]
         nodal = largest <= MAX_NODAL_PRESSURE_RATIO * np.maximum(largest, disordered).max()
+        largest = np.where(nodal, np.nan, largest)
         resistance = radiation.radiation_matrix(plate_pistons(plate), omega, medium)
-        return cls(
-            omega, reference, operators, factors, np.where(nodal, np.nan, largest), resistance
-        )
+        return cls(omega, reference, operators, factors, largest, resistance)
 
     def fields(self, deflection: ArrayLike) -> ComplexArray:
         """Return the pressure (planes, u, z) in Pa of a deflection (markers,) in m."""

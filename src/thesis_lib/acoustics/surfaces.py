@@ -77,9 +77,8 @@ class Surface:
         parts += [_cut_cell(corners, middle, size) for middle in centres[:, near].T]
         parts = [one for one in parts if one[0] > MIN_AREA_RATIO]
         at = np.concatenate([nodes for _, nodes in parts], axis=1)
-        pistons = radiation.Pistons(
-            at - np.array(origin)[:, None], (float(size[0] / 2), float(size[1] / 2))
-        )
+        half = float(size[0] / 2), float(size[1] / 2)
+        pistons = radiation.Pistons(at - np.array(origin)[:, None], half)
         return cls(pistons, np.repeat([share for share, _ in parts], 4), at)
 
     @cached_property
@@ -145,16 +144,14 @@ class Surface:
 
 def _cut_cell(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
     """Return the share of a cell's area inside an outline, and its nodes (2, 4)."""
-    area, centre, variances = polygons.polygon_moments(
-        polygons.clip_polygon(corners - middle, -size / 2, size / 2)
-    )
+    inner = polygons.clip_polygon(corners - middle, -size / 2, size / 2)
+    area, centre, variances = polygons.polygon_moments(inner)
     share, std = area / float(np.prod(size)), np.sqrt(np.maximum(variances, 0))[:, None]
     if share > 1 - MIN_AREA_RATIO:
         return 1.0, middle[:, None] + std * UNIT_SQUARE
     nodes = [(middle + centre)[:, None] + std * one for one in CELL_SHAPES]
-    return share, next(
-        (one for one in nodes if polygons.polygon_contains(corners, one).all()), nodes[-1]
-    )
+    inside = (one for one in nodes if polygons.polygon_contains(corners, one).all())
+    return share, next(inside, nodes[-1])
 
 
 MAX_CELL_RAD = 1.5  # wavenumber of the air times a cell's side, above which cells are too coarse

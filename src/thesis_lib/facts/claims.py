@@ -288,10 +288,9 @@ def read_index() -> list[IndexEntry]:
     entries = [*read_rows("index.csv", IndexEntry)]
     for one in entries:
         if bool(one.reason) == any((one.page, one.function, one.cube, one.test)):
+            given = f"index.csv, {one.item}: reason: given {one.reason!r}"
             allowed = "one if there is no page, function, cube or test, else none"
-            raise ValueError(
-                f"index.csv, {one.item}: reason: given {one.reason!r}, allowed: {allowed}"
-            )
+            raise ValueError(f"{given}, allowed: {allowed}")
     return entries
 
 

@@ -55,11 +55,10 @@ class Setting:
         """Return the setting's cameras; the pixels are square and fill the sensor's width."""
         from thesis_lib.vision.pinhole import hemisphere_cameras  # readers of files need no cameras
 
-        angles = np.radians(self.directions_deg)
-        focal_px = focal_length_mm * self.resolution_px[0] / sensor_width_mm
-        return hemisphere_cameras(
-            self.distance_mm / 1000, angles[:, 0], angles[:, 1], focal_px, self.resolution_px
-        )
+        azimuth, elevation = np.radians(self.directions_deg).T
+        distance, size = self.distance_mm / 1000, self.resolution_px
+        focal_px = focal_length_mm * size[0] / sensor_width_mm
+        return hemisphere_cameras(distance, azimuth, elevation, focal_px, size)
 
 
 def data_folder() -> Path:

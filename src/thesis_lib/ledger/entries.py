@@ -346,9 +346,8 @@ def format_report(found: Sequence[Entry]) -> str:
         for kind, words in KIND_WORDS.items():
             part = [entry for entry in of_chapter if entry.kind == kind]
             if part:
-                counts = ", ".join(
-                    f"{n} {verdict}" for verdict, n in count_verdicts(part).items() if n
-                )
+                numbers = count_verdicts(part).items()
+                counts = ", ".join(f"{n} {verdict}" for verdict, n in numbers if n)
                 apart = sum(not entry.counted for entry in part)
                 why = "bookkeeping" if kind == "number" else "by rendered recordings"
                 mark = f"   ({apart} {why})" if apart else ""

@@ -63,9 +63,8 @@ def predict_errors(scene: Scene, layout: Array, width: int) -> Array:
     deflected = body.deflected(scene.peaks)
     for _, markers, part in _groups(scene, layout, width):
         rest, normals = body.points[:, None, markers], body.normals[:, None, markers]
-        variance = rounding.deflection_variance(
-            part.P, rest, deflected[:, :, markers], normals=normals
-        )
+        moved = deflected[:, :, markers]
+        variance = rounding.deflection_variance(part.P, rest, moved, normals=normals)
         point[:, markers] = np.sqrt(variance)
     return point * percent_factor(scene)
 

@@ -71,10 +71,8 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
         if field not in ("tilt_deg", "in_view"):
             bare = ease_limit(bare, field)
     if not np.any(positions.sees_enough(bare, candidate_positions(bare, step))):
-        return ImpossibleError(
-            f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} and "
-            f"{_text(request, 'in_view')}"
-        )
+        both = f"{_text(request, 'tilt_deg')} and {_text(request, 'in_view')}"
+        return ImpossibleError(f"plan: markers are never in view; binding: {both}")
     why = "several limits together, of which to ease one alone is not enough"
     return ImpossibleError(f"{nowhere} {why}")
 
@@ -90,17 +88,13 @@ def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> Impo
             f"{_text(request, 'elevations_deg')}, {_text(request, 'azimuths_deg')}"
         )
     open_ = ease_limit(scene, "separation_mm")
-    layout, _ = exchange_cameras(
-        place_information(open_, grid), too_near(open_, grid), [-1] * count, request.objective
-    )
+    known, near = place_information(open_, grid), too_near(open_, grid)
+    layout, _ = exchange_cameras(known, near, [-1] * count, request.objective)
     if -1 not in layout and np.isfinite(layout_cost(open_, grid[layout], request.objective)):
-        return ImpossibleError(
-            f"plan: {count} cameras find no room; binding: {_text(request, 'separation_mm')}"
-        )
-    return ImpossibleError(
-        f"plan: {count} cameras cannot see every marker twice; binding: {_text(request, 'counts')} "
-        f"and {_text(request, 'in_view')}"
-    )
+        apart = _text(request, "separation_mm")
+        return ImpossibleError(f"plan: {count} cameras find no room; binding: {apart}")
+    both = f"{_text(request, 'counts')} and {_text(request, 'in_view')}"
+    return ImpossibleError(f"plan: {count} cameras cannot see every marker twice; binding: {both}")
 
 
 def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
@@ -381,9 +375,8 @@ def as_cube(made: Plan) -> xr.Dataset:
         turned = np.mod(np.degrees(azimuth) + 180, 360) - 180
         focal = focal * made.request.sensor_width_mm / 1000
         centres = positions.camera_centres(one.scene, one.layout)
-        row[: len(one.layout)] = np.column_stack(
-            [turned, np.degrees(elevation), distance, focal, centres]
-        )
+        columns = [turned, np.degrees(elevation), distance, focal, centres]
+        row[: len(one.layout)] = np.column_stack(columns)
     verified = made.verified
     values: dict[str, Any] = {
         "n_cameras": [len(one.layout) for one in options],

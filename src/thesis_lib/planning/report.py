@@ -16,7 +16,6 @@ import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import check_outputs, put_files, staging
@@ -34,17 +33,6 @@ LAYOUT_VIEWS = ("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("al
 NO_SCRIPT_TEXT = (
     "This figure needs JavaScript to be turned; the ones beside it show the same cameras."
 )
-
-
-def layout_figure(cube: xr.Dataset, option: int) -> Figure:
-    """Return the cameras of an option from three sides, with lines of sight."""
-    size, ratios = (7.6, 3.1), [1.3, 1, 1]
-    with in_style():
-        drawing, axes = subplots(1, 3, figsize=size, layout="constrained", width_ratios=ratios)
-        for axis, (words, azimuth, elevation) in zip(axes, LAYOUT_VIEWS, strict=True):
-            layout_panel(axis, cube.isel(option=option), azimuth, elevation)
-            axis.set_title(words)
-    return drawing
 
 
 def flatten_points(points: Array, azimuth: float, elevation: float) -> Array:
@@ -212,7 +200,13 @@ def write_plan(
         cube.attrs["structure_file"] = structure.name
         cube.attrs["structure_sha256"] = hashlib.sha256(structure.read_bytes()).hexdigest()
     lines = summarise_plan(made, file)
-    picture = style.figure_svg(layout_figure(cube, made.chosen))
+    size, ratios = (7.6, 3.1), [1.3, 1, 1]
+    with in_style():
+        drawing, axes = subplots(1, 3, figsize=size, layout="constrained", width_ratios=ratios)
+        for axis, (words, azimuth, elevation) in zip(axes, LAYOUT_VIEWS, strict=True):
+            layout_panel(axis, cube.isel(option=made.chosen), azimuth, elevation)
+            axis.set_title(words)
+    picture = style.figure_svg(drawing)
     with staging(folder) as part:
         storage.write_netcdf(cube, part / "plan.nc", compact=True)
         (part / "plan.csv").write_text(camera_table(cube, made.chosen), encoding="utf-8")

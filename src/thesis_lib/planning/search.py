@@ -101,9 +101,8 @@ def find_neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Ar
     if rules.distances[0] < rules.distances[1]:
         near = about.nearest(np.column_stack([grid, focal]))
         far = [near, distance - by, distance, distance + by]
-    every = np.concatenate(
-        [positions.places_at(grid, positions.lengths(d, rules.distances), focal) for d in far]
-    )
+    rounded = [positions.lengths(d, rules.distances) for d in far]
+    every = np.concatenate([positions.places_at(grid, d, focal) for d in rounded])
     camera = np.tile(np.repeat(np.arange(n), len(_SEARCH_DIRECTIONS)), len(far))
     _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
     first = first[about.permitted(every[first])]
@@ -210,9 +209,8 @@ def best_layouts(
             # half of the places lead to another layout than all, which small steps may favour
             half = np.sort(rng.permutation(len(grid))[: max(len(grid) // 2, count)])
             part = near[np.ix_(half, half)]
-            chosen, least = exchange_cameras(
-                known[:, half], part, _random(rng, part, count), objective
-            )
+            drawn = _random(rng, part, count)
+            chosen, least = exchange_cameras(known[:, half], part, drawn, objective)
             tried.append(([int(half[i]) if i >= 0 else -1 for i in chosen], least))
             tried.append(exchange_cameras(known, near, tried[-1][0], objective))
         whole = {tuple(sorted(one)): least for one, least in tried if -1 not in one}

@@ -158,9 +158,9 @@ def move_cameras(
     A camera goes to one of the eight directions about its own, as near as it sees enough there.
     The layout itself is given back where the law, at the amplitude asked for, is no better after.
     """
-    scene = about.scene
+    scene, asked = about.scene, (width, goal)
     rules, found = scene.rules, layout
-    best = float(average_sound_error(sounds, scene, found, width, goal).max())
+    best = float(average_sound_error(sounds, scene, found, *asked).max())
     for step in SOUND_STEPS_RAD:
         still = 0  # cameras since the last move
         for which in _MAX_ROUNDS * list(range(len(layout))):
@@ -177,12 +177,12 @@ def move_cameras(
             places = places[about.permitted(places) & positions.are_apart(scene, places, others)]
             tried = [np.insert(others, which, place, axis=0) for place in places]
             costs = np.array(
-                [average_sound_error(sounds, scene, one, width, goal).max() for one in tried]
+                [average_sound_error(sounds, scene, one, *asked).max() for one in tried]
             )
             if len(costs) and costs.min() < best * (1 - _MIN_IMPROVEMENT):
                 least = positions.first_least(costs)
                 found, best, still = tried[least], float(costs[least]), 0
     now, before = (
-        predict_sound_errors(sounds, scene, one, width, goal).max() for one in (found, layout)
+        predict_sound_errors(sounds, scene, one, *asked).max() for one in (found, layout)
     )
     return found if now < before * (1 - positions.MAX_TIE_RATIO) else layout

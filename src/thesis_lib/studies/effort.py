@@ -58,12 +58,8 @@ def total_effort(efforts: Iterable[Effort]) -> Effort:
     >>> total_effort([Effort(40, 300, 1), Effort(50, 200, 2)])
     Effort(seconds=90, peak_memory_mb=300, cube_mb=3)
     """
-    every = list(efforts)
-    return Effort(
-        sum(one.seconds for one in every),
-        max(one.peak_memory_mb for one in every),
-        sum(one.cube_mb for one in every),
-    )
+    seconds, peaks, sizes = zip(*map(astuple, efforts), strict=True)
+    return Effort(sum(seconds), max(peaks), sum(sizes))
 
 
 def peak_memory_mb() -> float:

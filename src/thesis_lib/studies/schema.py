@@ -215,9 +215,8 @@ def _commit() -> str:
     """Commit of the checkout, with a plus sign if it has changes; `unknown` elsewhere."""
     try:  # where there is no checkout, a commit would be of whatever the package lies in
         command = ["git", "-C", str(project_root()), "describe", "--always", "--abbrev=12"]
-        done = subprocess.run(
-            [*command, "--dirty=+", "--exclude=*"], capture_output=True, text=True, timeout=10
-        )
+        command += ["--dirty=+", "--exclude=*"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10)
     except (NoCloneError, OSError, subprocess.TimeoutExpired):
         return "unknown"
     return done.stdout.strip() or "unknown"

@@ -106,11 +106,8 @@ def _step(values: xr.DataArray) -> np.float32 | None:
 
 def _packed(step: float | np.float32, dtype: str) -> dict[str, Any]:
     """Return the CF attributes of packed data for multiples of a step."""
-    return {
-        "dtype": dtype,
-        "scale_factor": step,
-        "_FillValue": np.dtype(dtype).type(np.iinfo(dtype).min),
-    }
+    least = np.dtype(dtype).type(np.iinfo(dtype).min)
+    return {"dtype": dtype, "scale_factor": step, "_FillValue": least}
 
 
 def _round_mantissa(values: xr.Variable) -> xr.Variable:
@@ -120,11 +117,8 @@ def _round_mantissa(values: xr.Variable) -> xr.Variable:
     dropped = whole(np.finfo(values.dtype).nmant - kept)
     bits = np.ascontiguousarray(values.values).view(whole) + (whole(1) << (dropped - whole(1)))
     rounded = ((bits >> dropped) << dropped).view(values.dtype)
-    return xr.Variable(
-        values.dims,
-        np.where(np.isfinite(values.values), rounded, values.values),
-        values.attrs | {_ROUNDED_ATTRIBUTE: np.int32(kept)},
-    )
+    finite = np.where(np.isfinite(values.values), rounded, values.values)
+    return xr.Variable(values.dims, finite, values.attrs | {_ROUNDED_ATTRIBUTE: np.int32(kept)})
 
 
 class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations

@@ -32,9 +32,8 @@ class Component:
             length, width = structure.extent
             turn: Array = np.sin((2 * self.mode - 1) * np.pi * x / (2 * length))
             return turn * (2 * y / width - 1)
-        shape: Array = structure.mode_shapes([self.mode], [x, y])[0] / structure.shape_peak(
-            self.mode
-        )
+        peak = structure.shape_peak(self.mode)
+        shape: Array = structure.mode_shapes([self.mode], [x, y])[0] / peak
         # The beam's modes are taken upward at the tip, whatever sign eq. 3.4 gives them there.
         return shape * (-1) ** (self.mode + 1) if isinstance(structure, Beam) else shape
 

@@ -171,13 +171,10 @@ def is_within(hole: Hole, outline: Sequence[Point]) -> bool:
     """Test whether a hole lies in a polygon and does not touch its edges."""
     if isinstance(hole, Circle):
         centre = np.array([[hole.x], [hole.y]])
-        return bool(
-            polygon_contains(outline, centre)[0]
-            and np.all(edge_distances(outline, centre) > hole.radius)
-        )
-    return bool(np.all(polygon_contains(outline, np.array(hole).T))) and not _edges_meet(
-        hole, outline
-    )
+        away = np.all(edge_distances(outline, centre) > hole.radius)
+        return bool(polygon_contains(outline, centre)[0] and away)
+    inside = bool(np.all(polygon_contains(outline, np.array(hole).T)))
+    return inside and not _edges_meet(hole, outline)
 
 
 def are_apart(one: Hole, other: Hole) -> bool:
@@ -191,10 +188,8 @@ def are_apart(one: Hole, other: Hole) -> bool:
         return bool(outside and np.all(edge_distances(other, centre) > one.radius))
     if isinstance(other, Circle):
         return are_apart(other, one)
-    nested = (
-        polygon_contains(one, np.array(other[:1]).T)[0]
-        or polygon_contains(other, np.array(one[:1]).T)[0]
-    )
+    pairs = (one, other), (other, one)
+    nested = any(polygon_contains(a, np.array(b[:1]).T)[0] for a, b in pairs)
     return not nested and not _edges_meet(one, other)
 
 
@@ -351,9 +346,8 @@ def _keep_free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], g
         if isinstance(hole, Circle):
             kept &= np.hypot(points[0] - hole.x, points[1] - hole.y) > hole.radius + gap
         else:
-            kept &= ~polygon_contains(hole, points) & np.all(
-                edge_distances(hole, points) > gap, axis=0
-            )
+            away = np.all(edge_distances(hole, points) > gap, axis=0)
+            kept &= ~polygon_contains(hole, points) & away
     return points[:, kept]
 
 

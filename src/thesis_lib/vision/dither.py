@@ -108,9 +108,8 @@ def _sum_harmonics(
     total = np.zeros(a.shape)
     for first in range(1, _HARMONIC_COUNT + 1, _HARMONICS_PER_PASS):
         k = np.arange(first, first + _HARMONICS_PER_PASS, dtype=float).reshape(-1, *[1] * a.ndim)
-        total += np.sum(
-            square(k, a) * np.exp(-((2 * np.pi * k * s) ** 2)) / (np.pi * k) ** 2, axis=0
-        )
+        left = np.exp(-((2 * np.pi * k * s) ** 2))
+        total += np.sum(square(k, a) * left / (np.pi * k) ** 2, axis=0)
     return total
 
 

@@ -266,9 +266,8 @@ def from_pixels(K: ArrayLike, uv: ArrayLike) -> Array:
 def project_points(camera: Camera, points: ArrayLike) -> Array:
     """Project world points (3, ...) in m, (2, ...) px; NaN for points behind the camera."""
     X = np.asarray(points, float)
-    x, y, z = np.tensordot(camera.R_camera_world, X, axes=1) + camera.t.reshape(
-        (3,) + (1,) * (X.ndim - 1)
-    )
+    t = camera.t.reshape((3,) + (1,) * (X.ndim - 1))
+    x, y, z = np.tensordot(camera.R_camera_world, X, axes=1) + t
     z = np.where(z > 0, z, np.nan)
     return to_pixels(camera.K, distort_coordinates(np.stack([x / z, y / z]), camera.distortion))
 
