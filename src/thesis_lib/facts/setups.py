@@ -87,14 +87,12 @@ def thesis_plate(grid: tuple[int, int] | None = None) -> Plate:
 
 def setup_table(structure: str, study: str) -> dict[str, Any]:
     """Return one study's entry of the tables: its printed parameters and figure numbers."""
-    entry: dict[str, Any] = dict(read_toml("setups.toml")[structure][study])
-    return entry
+    return dict(read_toml("setups.toml")[structure][study])
 
 
 def camera_pairs() -> dict[str, list[list[Direction]]]:
     """Return the camera pairs of Table 3.4 by case, in printed order."""
-    printed: dict[str, list[list[Direction]]] = read_toml("setups.toml")["pairs"]
-    return printed
+    return read_toml("setups.toml")["pairs"]
 
 
 def figure_number(structure: str, study: str, case: str, mode: int) -> str:
@@ -119,8 +117,7 @@ def case_title(structure: str, study: str, case: str) -> str:
 
 def _of_cases(structure: str, study: str, what: str) -> dict[str, str]:
     """Return an entry of the tables by case; empty for a study that is not the thesis's."""
-    entry: dict[str, str] = read_toml("setups.toml").get(structure, {}).get(study, {}).get(what, {})
-    return entry
+    return read_toml("setups.toml").get(structure, {}).get(study, {}).get(what, {})
 
 
 def distance_settings(
@@ -254,8 +251,7 @@ READINGS = {reading.name: reading for reading in _ALL_READINGS}
 
 def list_assumptions() -> list[dict[str, Any]]:
     """Return the assumptions made where the thesis states nothing, item by item."""
-    items: list[dict[str, Any]] = read_toml("assumptions.toml")["assumption"]
-    return items
+    return read_toml("assumptions.toml")["assumption"]
 
 
 def assumed_values(subject: str) -> dict[str, Any]:

@@ -42,8 +42,7 @@ class PlateModes:
     def peaks(self) -> Array:
         """Return largest absolute value of each shape at a corner of a triangle, shape (modes,)."""
         at_corners = self.coefficients[self.basis.nodal_dofs[0]]
-        peaks: Array = np.max(np.abs(at_corners), axis=0)
-        return peaks
+        return np.max(np.abs(at_corners), axis=0)
 
     def at(self, points: Array) -> Array:
         """Return the shapes at points (2, n) of the plate, shape (modes, n)."""

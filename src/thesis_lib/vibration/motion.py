@@ -133,8 +133,7 @@ def list_aliases(alias_hz: float, rate: float, highest_hz: float) -> Array:
     """List the frequencies in Hz, up to a highest, that frames at a rate show alike."""
     k = np.arange(int(np.ceil(highest_hz / rate)) + 1)
     every = np.unique(np.abs(np.concatenate([alias_hz + k * rate, alias_hz - k * rate])))
-    kept: Array = every[every <= highest_hz]
-    return kept
+    return every[every <= highest_hz]
 
 
 def alias_clearance(frequency: float, rate: float, frames: int) -> float:

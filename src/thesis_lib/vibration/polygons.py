@@ -114,8 +114,7 @@ def polygon_contains(polygon: ArrayLike, points: Array) -> Mask:
     between = (y0 > y) != (y1 > y)
     with np.errstate(divide="ignore", invalid="ignore"):
         right = x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)
-    inside: Mask = np.sum(between & right, axis=0) % 2 == 1
-    return inside
+    return np.sum(between & right, axis=0) % 2 == 1
 
 
 def in_hole(hole: Hole, points: Array) -> Mask:
@@ -354,8 +353,7 @@ def _keep_free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], g
 def _twice_areas(points: Array, corners: IntArray) -> Array:
     """Return twice the signed areas of triangles (n, 3)."""
     a, b, c = points[:, corners.T].transpose(1, 0, 2)
-    twice: Array = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    return twice
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _find_reentrant(polygon: Sequence[Point], outer: bool) -> list[Point]:

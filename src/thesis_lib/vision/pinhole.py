@@ -189,8 +189,7 @@ class Camera:
     @property
     def t(self) -> Array:
         """Return the translation −R C of the extrinsic matrix [R | t], shape (3,), m."""
-        translation: Array = -self.R_camera_world @ self.centre
-        return translation
+        return -self.R_camera_world @ self.centre
 
     @property
     def P(self) -> Array:

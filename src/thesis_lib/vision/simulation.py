@@ -208,5 +208,4 @@ def modal_assurance(measured: Array, reference: Array) -> Array:
     cross = np.einsum("mtp,mp->mt", measured, reference)
     norms = np.einsum("mtp,mtp->mt", measured, measured)
     with np.errstate(invalid="ignore"):
-        result: Array = cross**2 / (norms * np.sum(reference**2, axis=-1)[:, None])
-    return result
+        return cross**2 / (norms * np.sum(reference**2, axis=-1)[:, None])

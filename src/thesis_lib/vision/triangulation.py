@@ -138,8 +138,7 @@ def point_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> 
         Covariance in m².
     """
     G = triangulation_gain(P, points)
-    result: Array = sigma_px**2 * np.einsum("ick...,jck...->ij...", G, G)
-    return result
+    return sigma_px**2 * np.einsum("ick...,jck...->ij...", G, G)
 
 
 def centre_projections(P: Array) -> tuple[Array, Array]:
