@@ -117,8 +117,7 @@ def judge_trend(trend: Trend, series: Iterable[Series]) -> Finding | None:
         least, most = (float(ratios.min()), float(ratios.max()))[::direction]
     else:
         least = most = float("nan")
-    back = _step_back(expected, mean.values, direction)
-    return Finding(confidence, single, least, most, back)
+    return Finding(confidence, single, least, most, _step_back(expected, mean.values, direction))
 
 
 def _step_back(expected: Mapping[Key, Array], values: Mapping[str, Array], direction: int) -> str:

@@ -331,8 +331,7 @@ def candidate_positions(scene: Scene, step: float) -> Array:
         steps = np.linspace(0, 1, _TRIED_DISTANCES)
         ladder = [lengths(near * (limits[1] / near) ** t, limits) for t in steps]
         every = np.stack([places_at(grid, d, focal) for d in ladder])  # ladder, directions, 4
-        flat = every.reshape(-1, 4)
-        allowed = are_permitted(scene, flat).reshape(len(ladder), -1)
+        allowed = are_permitted(scene, every.reshape(-1, 4)).reshape(len(ladder), -1)
         if limits[0] == limits[1]:
             allowed[1:] = False
         found.append(every[allowed & (np.cumsum(allowed, axis=0) <= 2)])

@@ -178,8 +178,7 @@ def summary_path(name: str) -> Path:
 def publish_errors(cube: xr.Dataset) -> Path:
     """Make this cube's errors the published ones; returns the file."""
     path = summary_path(cube.attrs["figure_set"])
-    text = summarise_errors(cube).to_csv(index=False, float_format="%.6g", na_rep="nan")
-    whole_text(path, text)
+    whole_text(path, summarise_errors(cube).to_csv(index=False, float_format="%.6g", na_rep="nan"))
     return path
 
 

@@ -269,7 +269,8 @@ def describe_study(cube: xr.Dataset, study: Study) -> xr.Dataset:
     numbers = [[setups.figure_number(*kind, case, mode) for mode in modes] for case in cases]
     words = {"long_name": "description of the case", "units": "1"}
     figure = {"long_name": "number of the figure in the thesis, if there is one", "units": "1"}
-    structure, half = study.structure, np.array(study.structure.extent) / 2
+    structure = study.structure
+    half = np.array(structure.extent) / 2
     about = {
         "units": "m",
         "long_name": "outline of the structure, then outlines of holes",

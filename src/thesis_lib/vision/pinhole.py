@@ -139,8 +139,7 @@ def project(P: ArrayLike, points: ArrayLike) -> Array:
         u and v in px.
     """
     P, X = np.asarray(P, float), np.asarray(points, float)
-    flat = X.reshape(3, -1)
-    homogeneous = P[:, :, :3] @ flat + P[:, :, 3:]
+    homogeneous = P[:, :, :3] @ X.reshape(3, -1) + P[:, :, 3:]
     uv: Array = homogeneous[:, :2] / homogeneous[:, 2:]
     return uv.reshape((len(P), 2) + X.shape[1:])
 

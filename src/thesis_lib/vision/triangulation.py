@@ -97,8 +97,7 @@ def image_jacobian(P: ArrayLike, points: ArrayLike) -> Array:
     px/m, shape (cameras, 2, 3, ...).
     """
     P, X = np.asarray(P, float), np.asarray(points, float)
-    flat = X.reshape(3, -1)
-    image = P[:, :, :3] @ flat + P[:, :, 3:]
+    image = P[:, :, :3] @ X.reshape(3, -1) + P[:, :, 3:]
     w = 1 / image[:, 2:]
     uv = image[:, :2] * w
     a, depth = P[:, :2, :3, None], P[:, 2:, :3, None]
