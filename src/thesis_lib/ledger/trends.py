@@ -211,9 +211,8 @@ def _within(evidence: Evidence, argument: str) -> Mask:
     """``within 8 18``: in this interval; ``within 1 4 1 3 1 3``: in one for each of its modes."""
     ends = np.array(argument.split(), float).reshape(-1, 2)
     modes = evidence.trend.modes
-    bounds = dict(zip(modes, np.broadcast_to(ends, (len(modes), 2)), strict=True))
     found = []
-    for mode, (low, high) in bounds.items():
+    for mode, (low, high) in zip(modes, np.broadcast_to(ends, (len(modes), 2)), strict=True):
         alone = replace(evidence, trend=replace(evidence.trend, modes=(mode,)))
         low, high = (1 - MIN_MATERIAL_FALL) * low, (1 + MIN_MATERIAL_FALL) * high
         found += [((low <= e) & (e <= high)).all(axis=0) for e in alone.series]

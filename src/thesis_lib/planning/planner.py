@@ -220,7 +220,6 @@ def plan(
         request.check_with(body)
     except PydanticCustomError as error:
         raise ParameterError(f"plan: {error.message()}") from None
-    rate = request.frame_rate(body)
     options: list[Option] = []
     total = 0
     aspects: dict[Fraction, list[int]] = {}  # resolutions of one shape share their layouts
@@ -232,7 +231,7 @@ def plan(
         if not len(grid):
             raise explain_nowhere(scene, request)
         total += len(grid)
-        options += _options(scene, grid, kinds, request, rate, tell)
+        options += _options(scene, grid, kinds, request, tell)
     options.sort(key=lambda one: (one.kind, len(one.layout)))
     if request.goal != "shape":
         tell("moving cameras for the sound")
@@ -303,10 +302,9 @@ def _options(
     grid: Array,
     kinds: Sequence[int],
     request: PlanRequest,
-    rate: float,
     tell: Callable[[str], object],
 ) -> list[Option]:
-    counts, start = sorted(request.counts), time.monotonic()
+    counts, start, rate = sorted(request.counts), time.monotonic(), request.frame_rate(scene.body)
     tell(f"{len(grid)} places to choose from; looking for the best of {counts} cameras")
 
     def placed(n: int) -> None:

@@ -195,8 +195,7 @@ def _compliance_operator(B: csc_array) -> LinearOperator:
             found = found + factors.solve(load - B.T @ (B @ found))
         return found
 
-    n = B.shape[1]
-    return LinearOperator((n, n), solve, dtype=float)
+    return LinearOperator((B.shape[1],) * 2, solve, dtype=float)
 
 
 def facets_along(mesh: MeshTri, start: Sequence[float], end: Sequence[float]) -> IntArray:

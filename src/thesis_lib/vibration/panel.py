@@ -167,13 +167,10 @@ def _compute_batch(panel: Panel, batches: int) -> finite_elements.PlateModes:
     }
     for edge, support in zip(polygons.polygon_edges(panel.outline), panel.supports, strict=True):
         sides[support].append(finite_elements.facets_along(mesh, *edge))
-    clamped, supported = (
-        np.concatenate(sides[held])
-        for held in (finite_elements.CLAMPED_EDGE, finite_elements.SIMPLY_SUPPORTED)
-    )
-    return finite_elements.plate_modes(
-        mesh, clamped, supported, panel.poisson, batches * MODES_PER_BATCH
-    )
+    clamped = np.concatenate(sides[finite_elements.CLAMPED_EDGE])
+    supported = np.concatenate(sides[finite_elements.SIMPLY_SUPPORTED])
+    count = batches * MODES_PER_BATCH
+    return finite_elements.plate_modes(mesh, clamped, supported, panel.poisson, count)
 
 
 def _find_modes(panel: Panel, n_modes: int) -> finite_elements.PlateModes:
