@@ -42,28 +42,9 @@ def run(study: DesignLaw) -> xr.Dataset:
     ``count``, ``image_noise`` and ``approach``, (f) dither along ``fitted_amplitude``, ``shake``
     and ``disc``; ``quantity``, ``value`` and ``unit`` are what runs are compared by.
     """
-    cube = xr.Dataset(coords=_coordinates(study))
-    parts = (
-        _motions,
-        _settings,
-        _cone,
-        sweeps.fit_findings,
-        sweeps.fit_arrays,
-        sweeps.pair_errors,
-        shares.equal_pixels,
-        shares.simulate_estimators,
-        shares.noisy_shares,
-        shares.simulate_dither,
-    )
-    for part in parts:
-        cube = cube.assign(label_values(part(study), VARIABLES))
-    return cube.assign(label_values(summarise_law(cube, study), VARIABLES))
-
-
-def _coordinates(study: DesignLaw) -> dict[str, Any]:
     asked = [(one, part) for one in sweeps.STRUCTURES for part in CHAPTER_PARTS]
     every = [(*a, s) for a in asked for s in sweeps.thesis_study(study, *a).settings()]
-    values = {
+    coords = {
         "motion": MOTIONS_PX,
         "of_structure": [a for a, _, _ in every],
         "of_part": [b for _, b, _ in every],
@@ -85,7 +66,7 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "equidistant_rig": list(shares.EQUIDISTANT_COUNTS),
         "noise": list(shares.RIG_NOISES_PX),
         "image_noise": shares.NOISES_PX,
-        "approach": list(shares.TRACKING_APPROACHES),
+        "approach": list(shares.ESTIMATORS),
         "mistake": list(shares.ASSUMED_MISTAKES),
         "unequal_distance": [
             ", ".join(f"{d:g}" for d in one) for one in shares.UNEQUAL_DISTANCES_M
@@ -94,7 +75,22 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "shake": shares.SHAKES_PX,
         "disc": shares.DISC_DIAMETERS_PX,
     }
-    return label_values(values, COORDINATES)
+    cube = xr.Dataset(coords=label_values(coords, COORDINATES))
+    parts = (
+        _motions,
+        _settings,
+        _cone,
+        sweeps.fit_findings,
+        sweeps.fit_arrays,
+        sweeps.pair_errors,
+        shares.equal_pixels,
+        shares.simulate_estimators,
+        shares.noisy_shares,
+        shares.simulate_dither,
+    )
+    for part in parts:
+        cube = cube.assign(label_values(part(study), VARIABLES))
+    return cube.assign(label_values(summarise_law(cube, study), VARIABLES))
 
 
 # (a) The law.
@@ -343,7 +339,8 @@ def list_dither(cube: xr.Dataset) -> dict[str, Any]:
 def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
     """Return numbers of cameras at equal pixels per second; few, middle and most if `short`."""
     counts: list[int] = cube["count"].values.tolist()
-    most = [most_followed(cube, float(rate)) for rate in cube["rate"].values]
+    followed = cube["count"].where(cube["marker_height"] >= shares.FOLLOWED_PX, 0)
+    most = [int(largest) for largest in followed.max("count").values]  # or 0, at each rate
     if short:  # besides the most whose markers can be followed
         ordered = sorted(counts)
         counts = sorted({ordered[0], ordered[len(counts) // 2], ordered[-1], *filter(None, most)})
@@ -357,13 +354,6 @@ def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
         "std": largest_std(cube, "drawn_frame_error", "drawn_fit_error"),
         **_OF_MARKERS,
     }
-
-
-def most_followed(cube: xr.Dataset, rate: float) -> int:
-    """Return the largest number of cameras whose markers the tracker follows, or 0."""
-    here = cube.sel(rate=rate)
-    fits = here["count"].values[here["marker_height"].values >= shares.FOLLOWED_PX]
-    return int(fits.max(initial=0))
 
 
 def list_noisy(cube: xr.Dataset) -> dict[str, Any]:
@@ -385,12 +375,9 @@ def summarise_noisy(cube: xr.Dataset) -> dict[str, Any]:
     squares, centre, interval = (errors.sel(approach=name) for name in errors["approach"].values)
     few, many = int(cube["count"].min()), int(cube["count"].max())
     some = {"count": many, "image_noise": SHOWN_NOISES_PX[1]}
-    tolerated = cube["equal_pixels_tolerated_noise"].sel(approach="interval").dropna("count")
     loud = {"image_noise": cube["image_noise"].values >= SHOWN_NOISES_PX[-1]}
-    level = (squares.max("count") / squares.min("count")).isel(loud)
     stds = cube["noisy_share_error_std"] / cube["noisy_share_error"]
     below = (least / interval - 1) / stds.sel(approach=interval["approach"].item())
-    worse = float((interval / np.minimum(squares, centre)).max()) - 1
     return list_noisy(cube) | {
         "counts": _double_counts(cube),
         "few": few,
@@ -402,12 +389,12 @@ def summarise_noisy(cube: xr.Dataset) -> dict[str, Any]:
         "squares": squares.sel(some),
         "least": least.sel(some),
         "sharp": interval.sel(some | {"count": few}),
-        "tolerated": tolerated,
-        "level": level.max() - 1,
+        "tolerated": cube["equal_pixels_tolerated_noise"].sel(approach="interval").dropna("count"),
+        "level": (squares.max("count") / squares.min("count")).isel(loud).max() - 1,
         "known": stds.isel(loud).max(),
         "efficiency": ((least / interval) ** 2).isel(loud).min(),
         "below": max(0.0, float(below.max())),
-        "worse": max(0.0, worse),
+        "worse": max(0.0, float((interval / np.minimum(squares, centre)).max()) - 1),
     }
 
 

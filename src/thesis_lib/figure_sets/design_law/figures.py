@@ -26,7 +26,12 @@ def motion(cube: xr.Dataset) -> Figure:
     """Plot the rounding error of one coordinate against its motion, and relative to it."""
     drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN)
     delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
-    every = _arched(delta[0], delta[-1])
+    # Motions closer to each other towards whole pixels, where the law has cusps: √(f (1 − f)) is
+    # half the sine of an angle that grows evenly here
+    arched = (1 - np.cos(np.linspace(0, np.pi, _PER_PIXEL))) / 2
+    arched = (np.arange(np.ceil(delta[-1]))[:, None] + arched).ravel()
+    every = np.unique(np.concatenate([arched, np.geomspace(delta[0], 1, _PER_PIXEL)]))
+    every = every[(every >= delta[0]) & (every <= delta[-1])]
     law, independent = np.sqrt(difference_variance(every)), np.full_like(every, cone_law.MOTION_PX)
     for axes, power in ((left, 0), (right, 1)):
         scale, drawn_scale = (100 / every) ** power, (100 / delta) ** power
@@ -44,17 +49,6 @@ def motion(cube: xr.Dataset) -> Figure:
     right.set(title="(b) in % of the motion", ylim=(4, 3000), xlabel="motion of the image in px")
     left.set_xlabel("motion of the image in px")
     return drawing
-
-
-def _arched(first: float, last: float) -> Array:
-    """Return motions in px from first to last, closer to each other towards whole pixels.
-
-    There the law has cusps: √(f (1 − f)) is half the sine of an angle that grows evenly here.
-    """
-    pixels = np.arange(np.ceil(last))
-    place = (1 - np.cos(np.linspace(0, np.pi, _PER_PIXEL))) / 2
-    every = np.concatenate([(pixels[:, None] + place).ravel(), np.geomspace(first, 1, _PER_PIXEL)])
-    return np.unique(every[(every >= first) & (every <= last)])
 
 
 def settings(cube: xr.Dataset) -> Figure:
@@ -138,7 +132,14 @@ def findings(cube: xr.Dataset) -> Figure:
             style.make_logarithmic(axis.xaxis, ticks[number])
     for row in grid:
         row[0].set_ylabel("error in % of the peak")
-    _draw_exponents(grid[1, 2], cube)
+    last, names = grid[1, 2], cube["array"].values
+    for s, part in enumerate(iterate_slices(cube["array_exponent"], "structure")):
+        place = np.arange(len(names)) + 0.36 * (s - 0.5)
+        last.bar(place, part, 0.34, color=style.cycle_color(2 * s))
+    last.axhline(-0.5, color=style.HIGHLIGHT_COLOR, lw=1)
+    last.set_xticks(np.arange(len(names)), [str(name) for name in names])
+    last.set(title="(f) exponent in N", xlabel="growing arrays of the thesis")
+    last.grid(visible=False, axis="x")
     styles: dict[str, dict[str, Any]] = {
         **{
             str(one): {"color": style.cycle_color(2 * s), "lw": 4}
@@ -154,18 +155,6 @@ def findings(cube: xr.Dataset) -> Figure:
     style.name_styles(grid[1, 1], styles)
     style.legend_below(drawing, grid[1, 1], 4)
     return drawing
-
-
-def _draw_exponents(axes: Axes, cube: xr.Dataset) -> None:
-    """Draw exponents in N of the thesis's growing arrays."""
-    names = cube["array"].values
-    for s, part in enumerate(iterate_slices(cube["array_exponent"], "structure")):
-        place = np.arange(len(names)) + 0.36 * (s - 0.5)
-        axes.bar(place, part, 0.34, color=style.cycle_color(2 * s))
-    axes.axhline(-0.5, color=style.HIGHLIGHT_COLOR, lw=1)
-    axes.set_xticks(np.arange(len(names)), [str(name) for name in names])
-    axes.set(title="(f) exponent in N", xlabel="growing arrays of the thesis")
-    axes.grid(visible=False, axis="x")
 
 
 def shares(cube: xr.Dataset) -> Figure:

@@ -55,7 +55,9 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         frames = one_frame(rig, points, study)
         for e, estimate in enumerate(ESTIMATORS.values()):
             drawn[:, e, *at] = simulation.rms_with_std(frames[e])
-            wrong = amplitude_errors(filmed, estimate(rig.P, images)[2][number])
+            height = estimate(rig.P, images)[2][number]
+            waves = (filmed.fit[:, :2] @ height[..., None])[..., 0]
+            wrong = np.linalg.norm(waves, axis=1) - filmed.peaks
             drawn_fit[:, e, *at] = simulation.rms_with_std(wrong)
     percent = 100 / peak
     counts = np.array(study.counts)[:, None]
@@ -153,12 +155,6 @@ def round_images(rig: CameraArray, filmed: Film, seed: int) -> tuple[Array, IntA
     return np.concatenate(images, axis=2), number
 
 
-def amplitude_errors(filmed: Film, height: Array) -> Array:
-    """Return errors (trials,) in m of the amplitudes fitted to heights (trials, frames)."""
-    waves = (filmed.fit[:, :2] @ height[..., None])[..., 0]
-    return np.asarray(np.linalg.norm(waves, axis=1) - filmed.peaks)
-
-
 def predict_amplitude_error(rig: CameraArray, filmed: Film) -> float:
     """Return the rms amplitude error in m by the law, to first order: errors repeat by the frame.
 
@@ -170,11 +166,6 @@ def predict_amplitude_error(rig: CameraArray, filmed: Film) -> float:
     return float(np.sqrt(np.mean(each**2) * np.sum(g**2)))
 
 
-TRACKING_APPROACHES = {
-    "least squares": "least-squares",
-    "analytic centre": "analytic-centre",
-    "interval": "interval",
-}
 NOISES_PX = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)  # px
 # What `interval` may not know: the noise in px, the noise in px that it is told, and the share of
 # image coordinates that lie OUTLIER_PX to one side.
@@ -192,11 +183,12 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return deflection errors of every number of cameras, with every noise and mistake."""
     slowest = int(np.argmin(study.frame_rates_hz))
     settings = study.settings()[slowest :: len(study.frame_rates_hz)]
-    shape, rules = (len(settings), len(NOISES_PX)), list(TRACKING_APPROACHES.values())
-    drawn, drawn_std = np.empty((2, *shape, len(TRACKING_APPROACHES)))
+    shape = (len(settings), len(NOISES_PX))
+    rules = [name.replace(" ", "-") for name in ESTIMATORS]  # as `simulation` names them
+    drawn, drawn_std = np.empty((2, *shape, len(ESTIMATORS)))
     least = np.zeros(shape)
     agreeing = np.empty((len(settings), len(ASSUMED_MISTAKES)))
-    mistaken, mistaken_std = np.empty((2, *agreeing.shape, len(TRACKING_APPROACHES)))
+    mistaken, mistaken_std = np.empty((2, *agreeing.shape, len(ESTIMATORS)))
     for i, setting in enumerate(settings):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         random = np.random.default_rng([study.seed, len(rig)])

@@ -132,6 +132,10 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
     values = np.empty((len(SWEPT_FINDINGS), len(STRUCTURES), SWEEP_STEPS))
     kinds = ("expected", "exact", "centre", "noisy", "noisy_centre", "small")
     errors = {kind: np.empty_like(values) for kind in kinds}
+    # Exponents are of cos φ for elevations; the aperture has none
+    exponents = {
+        kind: np.full(values.shape[:2], np.nan) for kind in ("expected", "centre", "small")
+    }
     best, gained = np.empty((2, 2, len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
         peak = float(setups.assumed_values(name)["amplitude_mm"]) / 1000
@@ -149,15 +153,17 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
                 errors["centre"][at] = 100 * one.centre_error() / peak
                 errors["noisy"][at] = 100 * noise_error(cameras, points[:, 0]) / peak
                 errors["noisy_centre"][at] = 100 * one.centre_error(noisy=True) / peak
+            if finding != "aperture":
+                low = finding == "elevation"
+                base = np.cos(np.radians(values[f, s])) if low else values[f, s]
+                for kind, found in exponents.items():
+                    found[f, s] = fit_exponent(base, errors[kind][f, s])
         for k, error in enumerate((exact_rms, predicted_rms)):
             best[k, s], gained[k, s] = best_aperture(study, name, points, error)
     return {
         "swept": values,
         **{f"{kind}_error": errors[kind] for kind in kinds if kind != "small"},
-        **{
-            f"{kind}_exponent": _exponents(values, errors[kind])
-            for kind in ("expected", "centre", "small")
-        },
+        **{f"{kind}_exponent": found for kind, found in exponents.items()},
         "best_aperture": best,
         "wide_gain": gained,
     }
@@ -176,17 +182,6 @@ def best_aperture(
     errors = [error(aperture) for aperture in apertures]
     best = int(np.argmin(errors))
     return float(apertures[best]), error(WIDE_DEG) / errors[best]
-
-
-def _exponents(values: Array, errors: Array) -> Array:
-    """Return exponents (findings, structures): of cos φ for elevations, NaN for the aperture's."""
-    found = np.full(values.shape[:2], np.nan)
-    for f, s in np.ndindex(found.shape):
-        if SWEPT_FINDINGS[f] != "aperture":
-            low = SWEPT_FINDINGS[f] == "elevation"
-            base = np.cos(np.radians(values[f, s])) if low else values[f, s]
-            found[f, s] = fit_exponent(base, errors[f, s])
-    return found
 
 
 def thesis_study(study: DesignLaw, structure: str, part: str) -> Any:
