@@ -55,11 +55,6 @@ def predict_errors(part: xr.Dataset) -> Array:
     return (error.isel(trial=0) if alone else selection.trial_rms(error)).values
 
 
-def law_ratios(part: xr.Dataset) -> Array:
-    """Return error over the trials divided by the law's prediction, (settings,)."""
-    return np.asarray(predict_errors(part) / part["predicted_error"].values, float)
-
-
 def one_sided(part: xr.Dataset) -> Mask:
     """Tell whether all cameras of a set look from one side of the beam's axis, (settings,)."""
     across = np.cos(np.radians(part["camera_azimuth"].transpose("setting", "camera").values))
@@ -134,17 +129,26 @@ def select_viewable(cube: xr.Dataset) -> xr.Dataset:
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the figure of a case."""
     part = selection.select_settings(cube, case, mode)
-    return draw_sets(part) if case == "subsets" else _draw_sweep(cube, part)
-
-
-def _draw_sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
+    if case == "subsets":
+        drawing = Figure(figsize=(7.6, 6.6), layout="constrained")
+        parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
+        _draw_plans(parts[0, 0], part)
+        _compare_with_law(parts[0, 1].subplots(), parts[1, 0].subplots(), part)
+        _by_number(parts[1, 1].subplots(), part)
+        return drawing
     part = part.sortby("value")
     values, varied = part["value"].values, str(part["parameter"].values[0])
     drawing, axes = style.subplots(2, 2, figsize=(7.6, 6.0))
     setup_panel(axes[0, 0], cube, part)
     axes[0, 0].set_title(f"(a) setups: {VARIED_NAMES[varied]} varied")
     _draw_errors(axes[0, 1], part)
-    _draw_centres(axes[1, 0], part)
+    for name, label, look, how in CENTRE_CURVES:
+        for axis, tone in (("u", style.RED), ("v", style.GREEN)):
+            one = part[name].sel(axis=axis)
+            axes[1, 0].plot(values, one, look, color=tone, label=f"{label}, {axis}", **how)
+    axes[1, 0].set_yscale("log")
+    axes[1, 0].set(title="(c) scatter and bias of the centres", ylabel="px")
+    _add_key(axes[1, 0], room=0.35, ncols=3, handlelength=1.8)
     swept = varied == "elevation_deg"
     (_draw_lost if swept else _draw_along)(axes[1, 1], part)
     for panel in axes.flat[1 : 4 if swept else 3]:
@@ -182,17 +186,6 @@ def _add_key(axes: Axes, room: float, **how: Any) -> None:
     """Add plain ticks and a legend, in some room above what is drawn."""
     style.add_legend(axes, room, "upper center", columnspacing=1, fontsize=7, **how)
     plain_ticks(axes.yaxis)
-
-
-def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
-    values = part["value"].values
-    for name, label, look, how in CENTRE_CURVES:
-        for axis, tone in (("u", style.RED), ("v", style.GREEN)):
-            one = part[name].sel(axis=axis)
-            axes.plot(values, one, look, color=tone, label=f"{label}, {axis}", **how)
-    axes.set_yscale("log")
-    axes.set(title="(c) scatter and bias of the centres", ylabel="px")
-    _add_key(axes, room=0.35, ncols=3, handlelength=1.8)
 
 
 def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
@@ -233,17 +226,6 @@ def plain_ticks(axis: Axis) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def draw_sets(part: xr.Dataset) -> Figure:
-    """Draw all sets, from their part of the cube."""
-    drawing = Figure(figsize=(7.6, 6.6), layout="constrained")
-    parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
-    _draw_plans(parts[0, 0], part)
-    _against_the_law(parts[0, 1].subplots(), part)
-    _draw_ratio(parts[1, 0].subplots(), part)
-    _by_number(parts[1, 1].subplots(), part)
-    return drawing
-
-
 def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     """Draw plans of the best and the worst sets of two, three and four cameras."""
     error, count = predict_errors(part), part["n_cameras"].values
@@ -272,7 +254,7 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     place.suptitle("(a) best and worst sets in plan", fontsize=9, x=0.02, ha="left")
 
 
-def _against_the_law(axes: Axes, part: xr.Dataset) -> None:
+def _compare_with_law(axes: Axes, ratio: Axes, part: xr.Dataset) -> None:
     law, error = part["predicted_error"].values, predict_errors(part)
     literal, count = part["mean_error"].values[:, 0], part["n_cameras"].values
     axes.plot(law, literal, ".", color=PALE_GREY, markersize=3, label="rendered run")
@@ -290,21 +272,16 @@ def _against_the_law(axes: Axes, part: xr.Dataset) -> None:
     plain_ticks(axes.xaxis)
     plain_ticks(axes.yaxis)
     axes.legend(ncols=2, fontsize=7, columnspacing=1, handletextpad=0.2)
-
-
-def _draw_ratio(axes: Axes, part: xr.Dataset) -> None:
-    trials = law_ratios(part)
-    literal = part["mean_error"].values[:, 0] / part["predicted_error"].values
-    both = np.concatenate([trials, literal])
+    both = np.concatenate([error / law, literal / law])
     both = both[np.isfinite(both)]
     if both.size:
         bins = np.linspace(min(both.min(), 0.98), max(both.max(), 1.02), 31).tolist()
-        axes.hist(literal, bins, color=PALE_GREY, label="rendered run")
+        ratio.hist(literal / law, bins, color=PALE_GREY, label="rendered run")
         label = f"rms over {cubes.trials_are(part)}"
-        axes.hist(trials, bins, histtype="step", color=style.BLUE, label=label)
-        axes.legend()
-    axes.axvline(1, color=style.BLACK_COLOR, linewidth=0.8)
-    axes.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")
+        ratio.hist(error / law, bins, histtype="step", color=style.BLUE, label=label)
+        ratio.legend()
+    ratio.axvline(1, color=style.BLACK_COLOR, linewidth=0.8)
+    ratio.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")
 
 
 def _by_number(axes: Axes, part: xr.Dataset) -> None:
@@ -417,7 +394,7 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
         ends = name_optimum(order[0]), name_optimum(own[np.argmin(law[own])]), np.median(error[own])
         numbers.append((n, len(own), *ends, name_optimum(order[-1])))
     rendered = part["mean_error"].isel(trial=0).values / law
-    ratio = law_ratios(part)[known]
+    ratio = (error / law)[known]
     return {
         "numbers": numbers,
         "beaten": [sets for sets in worse_than_pair(known) if sets["worse"]],
