@@ -54,13 +54,6 @@ class Polygons:
     #: What the polygon adds to the grey level of what is under it, shape (polygons,)
     contrast: Array
 
-    def following(self, n_vertices: int) -> IntArray:
-        """Return index of the vertex that each vertex is joined to."""
-        index = np.arange(1, n_vertices + 1)
-        last = np.append(self.first[1:], n_vertices) - 1
-        index[last] = self.first
-        return index
-
 
 def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
     """Return sum of the polygons' contrasts, each weighted with the share of the pixel it covers.
@@ -70,7 +63,8 @@ def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -
     """
     start = uv.reshape(2, -1, uv.shape[-1])
     frames, n = start.shape[1:]
-    following = polygons.following(n)
+    following = np.arange(1, n + 1)  # the vertex that each is joined to
+    following[np.append(polygons.first[1:], n) - 1] = polygons.first
     stop = start[:, :, following]
     twice_area = np.add.reduceat(
         start[0] * stop[1] - start[1] * stop[0], polygons.first, axis=1

@@ -192,23 +192,21 @@ def default_rig(
         distortion = lens_k1 * (1 + 0.2 * differs[3]) * np.array([1, -0.15, 0.005, -0.004, 0])
         camera = pinhole.Camera(chr(ord("A") + i), K, distortion, R, centre, size)
         stations.append(Station(camera, sensor or Sensor(), frame_rate, float(start)))
+    if markers is None and isinstance(structure, Beam):
+        markers = rows_on(structure)
+    elif markers is None:
+        cells = Markers(structure.extent, structure.markers, 0.0)
+        markers = replace(cells, diameter=float(cells.nearest.min()) / 5)
     period = 1 / min(part.frequency for part in components)
     motion = Motion(structure, components, REST_S + MAX_START_S, 2 * period)
     return Rig(
         tuple(stations),
-        markers or _default_markers(structure),
+        markers,
         motion,
         duration=motion.steady + max(1.0, 5 * period),
         audio_noise_db=audio_noise_db,
         seed=seed,
     )
-
-
-def _default_markers(structure: Beam | Plate) -> Markers:
-    if isinstance(structure, Beam):
-        return rows_on(structure)
-    cells = Markers(structure.extent, structure.markers, 0.0)
-    return replace(cells, diameter=float(cells.nearest.min()) / 5)
 
 
 # Rigs for fast vibrations: a few frames at rest and then, after half a period that no frame needs,

@@ -78,23 +78,6 @@ class TrackedCentres:
         return np.asarray(np.hypot(*(self.centres - self.truth).swapaxes(0, 1)), float)
 
 
-def shorten_recording(rig: Rig, rest: int = 6, ramp: float = 1.0, steady: float = 2.0) -> Rig:
-    """Shorten the recording: frames at rest, growing periods, steady periods.
-
-    The cameras start within one frame of each other, each at its own time.
-    """
-    rate = rig.stations[0].frame_rate
-    latest = max(station.start for station in rig.stations) or 1.0
-    stations = tuple(
-        replace(station, start=station.start / latest / rate) for station in rig.stations
-    )
-    period = 1 / min(part.frequency for part in rig.motion.components)
-    start = (rest + 1) / rate
-    motion = Motion(rig.motion.structure, rig.motion.components, start, ramp * period)
-    duration = motion.steady + steady * period + 2 / rate
-    return replace(rig, stations=stations, motion=motion, duration=duration)
-
-
 def frame_times(rig: Rig, station: Station) -> Array:
     """Return world times of a camera's frames in s."""
     count = int(rig.duration * station.frame_rate)

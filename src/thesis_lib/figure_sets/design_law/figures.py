@@ -133,9 +133,9 @@ def findings(cube: xr.Dataset) -> Figure:
     for row in grid:
         row[0].set_ylabel("error in % of the peak")
     last, names = grid[1, 2], cube["array"].values
-    for s, part in enumerate(iterate_slices(cube["array_exponent"], "structure")):
+    for s, exponents in enumerate(iterate_slices(cube["array_exponent"], "structure")):
         place = np.arange(len(names)) + 0.36 * (s - 0.5)
-        last.bar(place, part, 0.34, color=style.cycle_color(2 * s))
+        last.bar(place, exponents, 0.34, color=style.cycle_color(2 * s))
     last.axhline(-0.5, color=style.HIGHLIGHT_COLOR, lw=1)
     last.set_xticks(np.arange(len(names)), [str(name) for name in names])
     last.set(title="(f) exponent in N", xlabel="growing arrays of the thesis")

@@ -271,8 +271,21 @@ def measure_deflection(
     if method == "harmonic":
         shape = rc.real_shape(deflection_amplitude(tracks, omega, exposures), instant.phase)
         return shape, amplitude_std(tracks, omega, exposures)
-    if method in ("matched", "literal"):  # they take frames as they are
-        uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
+    if method in ("matched", "literal"):  # each camera's frame nearest to a maximum, as it is
+        first = tracks.times[0, 0] * tracks.rate
+        frames = np.rint(instant.times * tracks.rate - first).astype(int)[:, None] - tracks.frames
+        # Who started first ends first
+        followed = np.asarray(np.isfinite(tracks.uv).any(axis=(2, 3)))
+        there = (frames >= 0) & (frames < followed.shape[1])
+        there &= followed[np.arange(len(P)), np.where(there, frames, 0)]
+        common = there.all(axis=1)
+        if not common.any():
+            raise ValueError(
+                "no frame near a maximum of the deflection was recorded by all cameras"
+            )
+        seen = replace(instant, times=instant.times[common])
+        number = round(seen.nearest(tracks.rate, first)[1] * tracks.rate - first)
+        uv = tracks.uv[np.arange(len(P)), number - tracks.frames]
         noise_gain = 1.0
     else:
         pairs, n = zip(tracks.times, tracks.uv, strict=True), INTERPOLATED_FRAMES
@@ -284,18 +297,3 @@ def measure_deflection(
         noise_gain = float(np.mean([float(np.linalg.norm(one)) ** 2 for one in weights]))
     sigma = tracks.sigma * np.sqrt(noise_gain + 1 / tracks.rest_frames)
     return rc.measure_instant(P, tracks.frame, tracks.rest, uv, sigma)
-
-
-def _find_maximum_frames(tracks: Tracks, instant: Instant) -> IntArray:
-    """Return each camera's frame nearest to a maximum that all recorded, shape (cameras,)."""
-    first = tracks.times[0, 0] * tracks.rate
-    frames = np.rint(instant.times * tracks.rate - first).astype(int)[:, None] - tracks.frames
-    followed = np.asarray(np.isfinite(tracks.uv).any(axis=(2, 3)))  # who started first ends first
-    there = (frames >= 0) & (frames < followed.shape[1])
-    there &= followed[np.arange(len(followed)), np.where(there, frames, 0)]
-    common = there.all(axis=1)
-    if not common.any():
-        raise ValueError("no frame near a maximum of the deflection was recorded by all cameras")
-    seen = replace(instant, times=instant.times[common])
-    number = round(seen.nearest(tracks.rate, first)[1] * tracks.rate - first)
-    return np.asarray(number - tracks.frames)

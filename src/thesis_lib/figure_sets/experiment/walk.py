@@ -283,17 +283,6 @@ def file_name(name: str) -> str:
     return f"lab-{name}.{'webp' if WALK_FIGURES[name].__module__ == __name__ else 'svg'}"
 
 
-def _encode_webp(figure: Figure) -> bytes:
-    """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
-    drawn = style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
-    picture, found = PIL.Image.open(io.BytesIO(drawn)).convert("RGB"), []
-    for lossless in (True, False):
-        file = io.BytesIO()
-        picture.save(file, format="webp", lossless=lossless, quality=WEBP_QUALITY, method=6)
-        found.append(file.getvalue())
-    return min(found, key=len)
-
-
 # What paragraphs and tables need besides the recordings.
 
 
@@ -422,7 +411,17 @@ def write_all(folder: Path) -> None:
         with style.in_style():
             figure = draw(data)
         path = folder / file_name(name)
-        encode = _encode_webp if path.suffix == ".webp" else partial(style.save_figure, kind="svg")
-        files.whole_file(path, partial(Path.write_bytes, data=encode(figure)))
+        if path.suffix == ".webp":
+            drawn = style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
+            picture, found = PIL.Image.open(io.BytesIO(drawn)).convert("RGB"), []
+            how: Any = {"format": "webp", "quality": WEBP_QUALITY, "method": 6}
+            for lossless in (True, False):
+                file = io.BytesIO()
+                picture.save(file, lossless=lossless, **how)
+                found.append(file.getvalue())
+            content = min(found, key=len)  # lossless if that is smaller, else as near as eyes tell
+        else:
+            content = style.save_figure(figure, "svg")
+        files.whole_file(path, partial(Path.write_bytes, data=content))
     for name in TEXT_VALUES:
         files.whole_text(folder / f"{name}.md", fill_text(data, name))

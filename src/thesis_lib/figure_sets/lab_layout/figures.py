@@ -55,14 +55,6 @@ def predict_errors(part: xr.Dataset) -> Array:
     return (error.isel(trial=0) if alone else selection.trial_rms(error)).values
 
 
-def one_sided(part: xr.Dataset) -> Mask:
-    """Tell whether all cameras of a set look from one side of the beam's axis, (settings,)."""
-    across = np.cos(np.radians(part["camera_azimuth"].transpose("setting", "camera").values))
-    known = np.isfinite(across)
-    left, right = (np.all(~known | (side * across > 1e-9), axis=1) for side in (1, -1))
-    return np.asarray(left | right)
-
-
 @dataclass(frozen=True)
 class Optimum:
     """Where an error is least, on a curve through the settings."""
@@ -393,12 +385,16 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
         order = own[np.argsort(error[own], kind="stable")]
         ends = name_optimum(order[0]), name_optimum(own[np.argmin(law[own])]), np.median(error[own])
         numbers.append((n, len(own), *ends, name_optimum(order[-1])))
+    # Whether all cameras of a set look from one side of the beam's axis
+    across = np.cos(np.radians(part["camera_azimuth"].transpose("setting", "camera").values))
+    absent = ~np.isfinite(across)
+    left, right = (np.all(absent | (side * across > 1e-9), axis=1) for side in (1, -1))
     rendered = part["mean_error"].isel(trial=0).values / law
     ratio = (error / law)[known]
     return {
         "numbers": numbers,
         "beaten": [sets for sets in worse_than_pair(known) if sets["worse"]],
-        "from_one_side": worse_than_pair(one_sided(part) & known),
+        "from_one_side": worse_than_pair((left | right) & known),
         "ratio": ratio,
         "median_ratio": np.median(ratio) if ratio.size else np.nan,
         "rendered": rendered[np.isfinite(rendered)],

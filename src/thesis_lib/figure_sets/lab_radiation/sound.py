@@ -54,9 +54,16 @@ class Driven:
 
     structure: Beam | Plate | Panel
     markers: Markers  #: What is printed on it
-    corners: tuple[Point, ...]  #: Of its outline in m, from its box's corner
     frequency: float  #: Of the force, Hz
     name: str  #: What moves
+
+    @property
+    def corners(self) -> tuple[Point, ...]:
+        """Corners of the outline in m, from its box's corner."""
+        if isinstance(self.structure, Panel):
+            return self.structure.outline
+        x, y = self.structure.extent
+        return (0.0, 0.0), (x, 0.0), (x, y), (0.0, y)
 
     @property
     def omega(self) -> float:
@@ -95,7 +102,7 @@ def drive_structure(case: str) -> Driven:
         beam = setups.thesis_beam()
         row = replace(beam, n_markers=BEAM_COLUMNS, marker_spacing=beam.length / BEAM_COLUMNS)
         markers = rows_on(row, 2, ROW_SPACING, BEAM_MARKER, None)
-        return _drive_at_mode(beam, markers, _box_corners(beam.extent), 3, "beam, third mode")
+        return _drive_at_mode(beam, markers, 3, "beam, third mode")
     flat = replace(
         setups.thesis_plate(MARKER_GRID),
         thickness=PLATE_THICKNESS_M,
@@ -107,42 +114,28 @@ def drive_structure(case: str) -> Driven:
         material = flat.thickness, flat.density, flat.youngs_modulus, flat.poisson, flat.damping
         edges = (SIMPLY_SUPPORTED,) * len(corners)
         panel = Panel(corners, edges, (), *material, flat.force_position, MARKER_GRID, ELEMENT_M)
-        markers = Markers(panel.extent, _select_clear(panel), PLATE_MARKER)
-        return _drive_at_mode(panel, markers, corners, 1, "L-shaped plate, first mode")
+        # Markers that are a diameter away from its edges
+        turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        ring = PLATE_MARKER * np.stack([np.cos(turn), np.sin(turn)])
+        around = panel.markers[:, :, None] + ring[:, None]
+        clear = panel.covers(around.reshape(2, -1)).reshape(around.shape[1:]).all(axis=1)
+        markers = Markers(panel.extent, panel.markers[:, clear], PLATE_MARKER)
+        return _drive_at_mode(panel, markers, 1, "L-shaped plate, first mode")
     markers = Markers(flat.extent, flat.markers, PLATE_MARKER)
-    own = _drive_at_mode(flat, markers, _box_corners(flat.extent), 1, "plate, first mode")
+    own = _drive_at_mode(flat, markers, 1, "plate, first mode")
     if case == "plate":
         return own
     second = resonance_frequency(flat, 2) / (2 * np.pi)
     between, many = float(np.sqrt(own.frequency * second)), replace(flat, grid=DENSE_GRID)
     dense = Markers(many.extent, many.markers, DENSE_MARKER)
-    return Driven(many, dense, own.corners, between, "plate, between two modes")
+    return Driven(many, dense, between, "plate, between two modes")
 
 
 def _drive_at_mode(
-    structure: Beam | Plate | Panel,
-    markers: Markers,
-    corners: tuple[Point, ...],
-    mode: int,
-    name: str,
+    structure: Beam | Plate | Panel, markers: Markers, mode: int, name: str
 ) -> Driven:
     """Drive a structure at the resonance of a mode."""
-    hertz = resonance_frequency(structure, mode) / (2 * np.pi)
-    return Driven(structure, markers, corners, hertz, name)
-
-
-def _box_corners(extent: tuple[float, float]) -> tuple[Point, ...]:
-    x, y = extent
-    return (0.0, 0.0), (x, 0.0), (x, y), (0.0, y)
-
-
-def _select_clear(panel: Panel) -> Array:
-    """Select markers of a panel that are a diameter away from its edges, shape (2, n)."""
-    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    ring = PLATE_MARKER * np.stack([np.cos(turn), np.sin(turn)])
-    around = panel.markers[:, :, None] + ring[:, None]
-    on = panel.covers(around.reshape(2, -1)).reshape(around.shape[1:]).all(axis=1)
-    return np.asarray(panel.markers[:, on], float)
+    return Driven(structure, markers, resonance_frequency(structure, mode) / (2 * np.pi), name)
 
 
 def rig_of(study: LabRadiation, case: str, replicate: int) -> Rig:
@@ -250,16 +243,6 @@ class MarkerSound:
         return peak * self.own.shape(edges).reshape(-1, EDGE_PLACES).mean(axis=1)
 
 
-def with_grid(own: Driven, grid: tuple[int, int]) -> Driven:
-    """Put other markers on a plate, at most as large and half as wide as their cells."""
-    assert isinstance(own.structure, Plate)
-    cells = np.array(own.structure.extent) / grid
-    structure = replace(own.structure, grid=grid)
-    diameter = min(own.markers.diameter, 0.5 * float(cells.min()))
-    markers = Markers(structure.extent, structure.markers, diameter)
-    return replace(own, structure=structure, markers=markers)
-
-
 def _surface(own: Driven, nodes: int) -> Surface:
     x, y = own.structure.extent
     return Surface.from_outline(np.array(own.corners), nodes, (x / 2, y / 2))
@@ -310,17 +293,19 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     made = radiated.radiate_sound(
         surface, between, of_measurement.tones_of(data), shapes, LISTENER_M, [plane], medium
     )
-    power = _true_power(rig.motion, found.zero, surface, medium)
+    powers = []  # of each mode of the true motion at that moment, W
+    shapes_then = rig.motion.amplitudes(surface.places, found.zero)
+    for w, shape in zip(np.abs(rig.motion.poles), shapes_then, strict=True):
+        real = np.abs(shape) * np.sign((shape / shape[np.argmax(np.abs(shape))]).real)
+        powers.append(float(surface.power_form(real[:, None], float(w), medium)[0, 0]))
+    power = np.array(powers)
     tones = (made.isel(tone=[k]) for k in range(made.sizes["tone"]))
     each = [of_measurement.audible_pressure(tone, 0)[::HEARD_STEP] for tone in tones]
     whole = made.sel(band=radiated.ALL_TONES)
+    of_modes = ("frequency", "power", "power_error", "energy", "energy_error")
     return {
-        "tap_frequency": made["frequency"].values,
-        "tap_power": made["power"].values,
-        "tap_power_error": made["power_error"].values,
+        **{f"tap_{name}": made[name].values for name in of_modes},
         "tap_true_power": power,
-        "tap_energy": made["energy"].values,
-        "tap_energy_error": made["energy_error"].values,
         "tap_true_energy": power / (-2 * rig.motion.poles.real),
         "tap_all": whole["band_power"].values,
         "tap_all_error": whole["band_power_error"].values,
@@ -357,15 +342,3 @@ def _as_measured(found: Modes) -> xr.Dataset:
         | {name: (("mode", "marker"), value) for name, value in of_markers.items()}
         | {"grid_scale": 1.0}
     )
-
-
-def _true_power(
-    motion: tracking.ImpactMotion, moment: float, surface: Surface, medium: radiation.Medium
-) -> Array:
-    """Return sound power of each mode of the true motion at a moment in s, W."""
-    shapes, powers = motion.amplitudes(surface.places, moment), []
-    for w, shape in zip(np.abs(motion.poles), shapes, strict=True):
-        real = np.abs(shape) * np.sign((shape / shape[np.argmax(np.abs(shape))]).real)
-        form = surface.power_form(real[:, None], float(w), medium)
-        powers.append(float(form[0, 0]))
-    return np.array(powers)
