@@ -179,9 +179,8 @@ def check_motions(film: Any, structure: Structure, name: str, rates: Sequence[fl
     longest = 1000 * min(1 / max(rates), MAX_EXPOSURE_PERIODS / max(hertz.values()))
     if film.exposure_ms > longest * (1 + 1e-9):
         limits = f"the time between frames and {MAX_EXPOSURE_PERIODS:g} of the shortest period"
-        fields.refuse_value(
-            "exposure_ms", film.exposure_ms, f"allowed: at most {longest:.4g} ms, {limits}"
-        )
+        allowed = f"allowed: at most {longest:.4g} ms, {limits}"
+        fields.refuse_value("exposure_ms", film.exposure_ms, allowed)
 
 
 def check_exposure(film: Any, frame_rate_hz: float) -> None:
@@ -228,16 +227,14 @@ def check_place(
     reach = 1000 * (math.hypot(*extent) / 2 + lift)
     if setting.distance_mm <= reach:
         far = f"cameras more than {reach:.4g} mm away"
-        fields.refuse_value(
-            name, given, f"allowed: {far}, the reach of the structure and its deflection"
-        )
+        allowed = f"allowed: {far}, the reach of the structure and its deflection"
+        fields.refuse_value(name, given, allowed)
     for direction in setting.directions_deg:
         if view_extent(film, extent, lift, direction, setting.distance_mm / 1000) > MAX_VIEW_EXTENT:
             there = f"azimuth {direction[0]:g}°, elevation {direction[1]:g}°"
             one = f"the one at {there}, {setting.distance_mm:g} mm away does not"
-            fields.refuse_value(
-                name, given, f"allowed: cameras that see the whole structure; {one}"
-            )
+            allowed = f"allowed: cameras that see the whole structure; {one}"
+            fields.refuse_value(name, given, allowed)
 
 
 def check_markers(

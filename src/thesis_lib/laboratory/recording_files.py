@@ -133,7 +133,6 @@ def _describe_structure(structure: Structure, markers: Markers) -> manifest_part
         "spacing_mm": _mm(float(np.diff(markers.centres[0, :2])[0])),
         "row_spacing_mm": _mm(markers.row_spacing) if len(markers.rows) > 1 else 10.0,
     }
-    points = tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)
 
     def spec(layout: dict[str, Any]) -> manifest_parts.StructureSpec:
         return manifest_parts.StructureSpec(
@@ -148,7 +147,7 @@ def _describe_structure(structure: Structure, markers: Markers) -> manifest_part
             **own,
         )
 
-    by_points = spec({"points_mm": points})
+    by_points = spec({"points_mm": tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)})
     try:
         by_rows = spec(rows)
     except ValidationError:  # they are no rows

@@ -66,9 +66,8 @@ def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -
     following = np.arange(1, n + 1)  # the vertex that each is joined to
     following[np.append(polygons.first[1:], n) - 1] = polygons.first
     stop = start[:, :, following]
-    twice_area = np.add.reduceat(
-        start[0] * stop[1] - start[1] * stop[0], polygons.first, axis=1
-    )  # its sign tells which way round
+    cross = start[0] * stop[1] - start[1] * stop[0]
+    twice_area = np.add.reduceat(cross, polygons.first, axis=1)  # its sign tells which way round
     sizes = np.diff(np.append(polygons.first, n))
     weight = np.repeat(np.sign(twice_area) * polygons.contrast / frames, sizes, axis=1)
     edge, t0, t1 = _cut_edges(start.reshape(2, -1), stop.reshape(2, -1))
@@ -207,9 +206,8 @@ class Light:
             noise = rng.standard_normal(picture.shape, dtype=np.float32)
             noise *= np.float32(np.sqrt(base))
             if self.box is not None:
-                noise[self.box] *= np.sqrt(
-                    (sensor.shot * picture[self.box] + sensor.read**2) / base
-                )
+                variance = sensor.shot * picture[self.box] + sensor.read**2
+                noise[self.box] *= np.sqrt(variance / base)
             picture += noise
         return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0, out=picture)), np.uint8)
 
@@ -233,12 +231,8 @@ def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: 
         grey: Any = (part + sensor.background).astype(np.float32)  # OpenCV's types are wide
         if sensor.spread > 0:
             taps = 2 * SUBPIXELS_PER_PIXEL * margin - 1
-            grey = cv2.GaussianBlur(
-                grey,
-                (taps, taps),
-                SUBPIXELS_PER_PIXEL * sensor.spread,
-                borderType=cv2.BORDER_REPLICATE,
-            )
+            blur, border = SUBPIXELS_PER_PIXEL * sensor.spread, cv2.BORDER_REPLICATE
+            grey = cv2.GaussianBlur(grey, (taps, taps), blur, borderType=border)
         grey = cv2.resize(grey, (high - low).tolist(), interpolation=cv2.INTER_AREA)
         box = slice(int(top), int(bottom)), slice(int(left), int(right))
         picture[box] = grey

@@ -62,13 +62,8 @@ def default_poses() -> tuple[Array, Array]:
     translations (12, 3) are the board's centre in the world, m.
     """
     tilt, turn, roll = np.radians(_BOARD_POSES[:, :3]).T
-    rotations = (
-        _rotate_about_axis(2, turn)
-        @ _rotate_about_axis(0, tilt)
-        @ _UPRIGHT_ROTATION
-        @ _rotate_about_axis(2, roll)
-    )
-    return rotations, _BOARD_POSES[:, 3:] * 1e-3
+    upright = _rotate_about_axis(2, turn) @ _rotate_about_axis(0, tilt) @ _UPRIGHT_ROTATION
+    return upright @ _rotate_about_axis(2, roll), _BOARD_POSES[:, 3:] * 1e-3
 
 
 def _rotate_about_axis(axis: int, angle: Array) -> Array:
@@ -229,8 +224,7 @@ def make_sensor(film: Any) -> Sensor:
 
 def derive_seed(seed: int, *what: object) -> int:
     """Derive a seed that belongs to what is rendered alone."""
-    text = repr((seed, *what)).encode()
-    return int.from_bytes(hashlib.sha256(text).digest()[:6], "big")
+    return int.from_bytes(hashlib.sha256(repr((seed, *what)).encode()).digest()[:6], "big")
 
 
 def settle_rig(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
@@ -239,10 +233,8 @@ def settle_rig(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
     Camera i starts `offsets[i]` of a frame after time 0.
     """
     rate = rig.stations[0].frame_rate
-    stations = tuple(
-        replace(station, start=offset / rate)
-        for station, offset in zip(rig.stations, offsets, strict=True)
-    )
+    pairs = zip(rig.stations, offsets, strict=True)
+    stations = tuple(replace(station, start=offset / rate) for station, offset in pairs)
     components = rig.motion.components
     ramp = RAMP_PERIODS / min(part.frequency for part in components)
     motion = Motion(rig.motion.structure, components, (REST_FRAMES + 1) / rate, ramp)
@@ -330,14 +322,10 @@ def window_camera(rig: Rig, station: Station, whole: int = 1) -> tuple[Station, 
     camera, extent = station.camera, rig.markers.extent
     x, y = (np.linspace(0, side, 30) for side in extent)
     points = np.stack([np.tile(x, 30), np.repeat(y, 30)])
-    lift = sum(
-        abs(part.amplitude * part.shape(rig.motion.structure, points))
-        for part in rig.motion.components
-    )
-    uv = pinhole.project_points(
-        camera, on_surface(extent, points[:, None], np.stack([-lift, lift]))
-    )
-    flat = uv.reshape(2, -1) / whole
+    structure, parts = rig.motion.structure, rig.motion.components
+    lift = sum(abs(part.amplitude * part.shape(structure, points)) for part in parts)
+    reached = on_surface(extent, points[:, None], np.stack([-lift, lift]))
+    flat = pinhole.project_points(camera, reached).reshape(2, -1) / whole
     spare, most = WINDOW_MARGIN_PX / whole, np.array(camera.size) // whole
     low = whole * np.clip(np.floor(flat.min(axis=1) - spare).astype(int), 0, most)
     high = whole * np.clip(np.ceil(flat.max(axis=1) + spare).astype(int), low // whole + 1, most)

@@ -192,17 +192,12 @@ def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int
     The cameras look at its centre from a `distance` in m, of which the board's size is a share.
     The board is held in some `poses`, the first one flat.
     """
-    turns = Rotation.from_rotvec(
-        np.radians(AIM_STD_DEG) * draw.standard_normal((len(rig.stations), 3))
-    )
-    cameras = [
-        replace(camera, R_camera_world=turn @ camera.R_camera_world)
-        for camera, turn in zip(rig.cameras, turns.as_matrix(), strict=True)
-    ]
+    turned = np.radians(AIM_STD_DEG) * draw.standard_normal((len(rig.stations), 3))
+    pairs = zip(rig.cameras, Rotation.from_rotvec(turned).as_matrix(), strict=True)
+    cameras = [replace(c, R_camera_world=turn @ c.R_camera_world) for c, turn in pairs]
     around = 2 * np.pi * (np.arange(poses) + draw.uniform(-0.2, 0.2, poses)) / (poses - 1)
-    tilts = np.radians(BOARD_TILT_DEG) * np.stack(
-        [np.cos(around), np.sin(around), 0 * around], axis=1
-    )
+    axes = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    tilts = np.radians(BOARD_TILT_DEG) * axes
     tilts[0] = 0
     rolls = Rotation.from_euler("z", draw.uniform(-20, 20, (poses, 1)), degrees=True)
     sideways, up = draw.uniform(-0.08, 0.08, (poses, 2)), draw.uniform(-0.02, 0.06, (poses, 1))
@@ -246,9 +241,8 @@ def crop_sensors(rig: Rig, cameras: Sequence[pinhole.Camera]) -> tuple[Rig, list
     `cameras` are the same as they are calibrated; they are returned with these parts, too.
     """
     lift = sum(abs(part.amplitude) for part in rig.motion.components)
-    box = on_surface(
-        rig.markers.extent, rig.markers.corners[:, None], np.array([[-lift], [lift]])
-    ).reshape(3, -1)
+    lifts = np.array([[-lift], [lift]])
+    box = on_surface(rig.markers.extent, rig.markers.corners[:, None], lifts).reshape(3, -1)
     parts, others = [], []
     for camera, other in zip(rig.cameras, cameras, strict=True):
         uv, most = pinhole.project_points(camera, box), np.array(camera.size)
@@ -268,14 +262,12 @@ def mark_outline(
     rigid body: four corners of a narrow structure in one image would leave its perspective open.
     """
     outline = on_surface(rig.markers.extent, np.array(corners).T)
-    images = np.array(
-        [
-            pinhole.undistort_pixels(camera, np.rint(pinhole.project_points(true, outline)))
-            for true, camera in zip(rig.cameras, cameras, strict=True)
-        ]
-    )
+    images = []
+    for true, camera in zip(rig.cameras, cameras, strict=True):
+        marked = np.rint(pinhole.project_points(true, outline))
+        images.append(pinhole.undistort_pixels(camera, marked))
     P = pinhole.projection_matrices(cameras)
-    frame = fit_grid(triangulate_seen(P, images)[0], outline)
+    frame = fit_grid(triangulate_seen(P, np.array(images))[0], outline)
     box = frame.R.T @ on_surface(rig.markers.extent, rig.markers.corners) + frame.origin[:, None]
     pairs = zip(cameras, pinhole.project(P, box), strict=True)
     return [view_of(camera, rig.markers, four) for camera, four in pairs]
@@ -303,9 +295,8 @@ class ImpactMotion(Motion):
     def coordinates(self, times: ArrayLike) -> Array:
         """Return displacement of each mode where its shape is 1, shape (components, ...), m."""
         t = np.asarray(times, float) - self.start
-        return np.stack(
-            [gain * _integrate_pulse(pole, t, self.ramp).imag for pole, gain in self._gains()]
-        )
+        gains = self._gains()
+        return np.stack([gain * _integrate_pulse(pole, t, self.ramp).imag for pole, gain in gains])
 
     def force(self, times: ArrayLike) -> Array:
         """Return force of the tap in N."""
@@ -315,12 +306,9 @@ class ImpactMotion(Motion):
 
     def amplitudes(self, points: ArrayLike, at: float) -> ComplexArray:
         """Return complex shapes (modes, n) of the free modes e^{λ (t − at)} at points (2, n), m."""
-        shapes, since = self.shapes(points), at - self.start
-        size = [
-            -1j * gain * _integrate_pulse(pole, np.array(since), self.ramp)
-            for pole, gain in self._gains()
-        ]
-        return np.asarray(np.array(size)[:, None] * shapes, complex)
+        since, gains = np.array(at - self.start), self._gains()
+        size = [-1j * gain * _integrate_pulse(pole, since, self.ramp) for pole, gain in gains]
+        return np.asarray(np.array(size)[:, None] * self.shapes(points), complex)
 
     @property
     def _peak(self) -> float:
@@ -339,9 +327,8 @@ class ImpactMotion(Motion):
 def _integrate_pulse(pole: complex, t: Array, length: float) -> ComplexArray:
     """Integrate sin(πs/T) e^{λ(t − s)} over the part of a pulse of length T that is past."""
     kappa, until = np.pi / length, np.clip(t, 0, length)
-    past = -(pole * np.sin(kappa * until) + kappa * np.cos(kappa * until)) * np.exp(
-        pole * (np.maximum(t, 0) - until)
-    )
+    decay = np.exp(pole * (np.maximum(t, 0) - until))
+    past = -(pole * np.sin(kappa * until) + kappa * np.cos(kappa * until)) * decay
     return np.asarray((past + kappa * np.exp(pole * np.maximum(t, 0))) / (pole**2 + kappa**2))
 
 
@@ -366,9 +353,8 @@ def tap_structure(
     hertz = structure.angular_frequencies(len(damping)) / (2 * np.pi)
     parts = tuple(Component("bending", n, frequency=float(f)) for n, f in enumerate(hertz, 1))
     given = rates or tuple(station.frame_rate for station in rig.stations)
-    stations = tuple(
-        replace(station, frame_rate=rate) for station, rate in zip(rig.stations, given, strict=True)
-    )
+    pairs = zip(rig.stations, given, strict=True)
+    stations = tuple(replace(station, frame_rate=rate) for station, rate in pairs)
     begin = max(station.start for station in stations) + rest
     motion = ImpactMotion(structure, parts, begin, pulse, impulse, point, damping)
     return replace(rig, stations=stations, motion=motion, duration=seconds)

@@ -184,9 +184,8 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
         at = cube["of_structure"].values == one
         ratios = {"law over simulated": law / simulated, "naive over law": naive / law}
         for words, ratio in ratios.items():
-            add_quantity(f"{words}, {one}, least", ratio[at].min())
-            add_quantity(f"{words}, {one}, median", np.median(ratio[at]))
-            add_quantity(f"{words}, {one}, largest", ratio[at].max())
+            for kind, pick in (("least", np.min), ("median", np.median), ("largest", np.max)):
+                add_quantity(f"{words}, {one}, {kind}", pick(ratio[at]))
     for axis in "XYZ":
         over = cube["cone_drawn_error"].sel(axis=axis) / cube["cone_error"].sel(axis=axis)
         add_quantity(f"cone, drawn over closed form, {axis}", np.sqrt(np.mean(over**2)))

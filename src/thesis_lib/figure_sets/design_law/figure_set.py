@@ -86,16 +86,10 @@ class DesignLaw(Study):
         for i, k in np.ndindex(width.shape):
             count = self.counts[i]
             angles = np.degrees(cone_directions(np.radians(self.cone_deg), count)).T.tolist()
-            made.append(
-                setups.Setting(
-                    f"{rate[i, k]:.4g} Hz",
-                    count,
-                    f"{count} cameras",
-                    self.cone_distance_mm,
-                    tuple((azimuth, elevation) for azimuth, elevation in angles),
-                    (int(width[i, k]), int(height[i, k])),
-                )
-            )
+            directions = tuple((azimuth, elevation) for azimuth, elevation in angles)
+            place = f"{count} cameras", self.cone_distance_mm, directions
+            size = int(width[i, k]), int(height[i, k])
+            made.append(setups.Setting(f"{rate[i, k]:.4g} Hz", count, *place, size))
         return made
 
     @model_validator(mode="after")

@@ -240,8 +240,7 @@ def noisy(cube: xr.Dataset) -> Figure:
         for values, look in zip(iterate_slices(part, "approach"), styles, strict=True):
             axes.plot(x, values, color=ink, label="_" if look else label, **look)
 
-    inks = style.ordered_colors(len(SHOWN_NOISES_PX))
-    for noise, ink in zip(SHOWN_NOISES_PX, inks, strict=True):
+    for noise, ink in zip(SHOWN_NOISES_PX, style.ordered_colors(len(SHOWN_NOISES_PX)), strict=True):
         words = f"{noise:g} px" if noise else "no noise"
         draw_approaches(left, drawn.sel(image_noise=noise), counts, ink, words)
         if noise:

@@ -8,6 +8,7 @@ together by the error of an amplitude that is fitted to a film of the centre.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -301,18 +302,12 @@ def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None
     The gain is how much less than that of least squares its error is, relative to it. Errors
     (layouts, 2) without noise are drawn unless they are given.
     """
-    gains = []
+    stand, gains = (CROWD_DISTANCE_M,) * n_cameras, []
+    how: Any = {"seed": seed, "rules": COMPARED_ESTIMATORS}
     for noise in WITH_NOISE:
         errors = clean
         if noise or errors is None:
-            errors = simulation.deflection_errors(
-                (CROWD_DISTANCE_M,) * n_cameras,
-                layouts,
-                MAX_MARKERS,
-                noise,
-                seed=seed,
-                rules=COMPARED_ESTIMATORS,
-            )
+            errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
         least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
         if gains[-1] < gains[0] / 2:

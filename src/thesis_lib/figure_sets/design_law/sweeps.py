@@ -93,8 +93,7 @@ def step_rig(study: DesignLaw, structure: str, finding: str, value: float) -> Sw
         size = int(value), round(value * 9 / 16)
     aperture = value if finding == "aperture" else 2 * printed.get("azimuth_deg", 90.0)
     elevation = value if finding == "elevation" else printed["elevation_deg"]
-    angles = np.radians([aperture, elevation]).tolist()
-    return SweepRig(distance, size, focal, *angles)
+    return SweepRig(distance, size, focal, *np.radians([aperture, elevation]).tolist())
 
 
 def mode_shapes(structure: Structure, peak: float) -> Array:

@@ -290,10 +290,8 @@ def measure_deflection(
     else:
         pairs, n = zip(tracks.times, tracks.uv, strict=True), INTERPOLATED_FRAMES
         uv = np.stack([rc.interpolate_frames(*pair, instant.times[0], n) for pair in pairs])
-        weights = [
-            rc.interpolate_frames(np.arange(n), np.eye(n), n / 2 - 1 + fraction, n)
-            for fraction in np.linspace(0, 1, 21)
-        ]
+        places = n / 2 - 1 + np.linspace(0, 1, 21)
+        weights = [rc.interpolate_frames(np.arange(n), np.eye(n), place, n) for place in places]
         noise_gain = float(np.mean([float(np.linalg.norm(one)) ** 2 for one in weights]))
     sigma = tracks.sigma * np.sqrt(noise_gain + 1 / tracks.rest_frames)
     return rc.measure_instant(P, tracks.frame, tracks.rest, uv, sigma)

@@ -221,8 +221,7 @@ def draw_centres(data: xr.Dataset) -> Figure:
     shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
     still, moved = _rest_centres(data)[:, shown], _rest_centres(data, frame=frame)[:, shown]
     pictures = data["picture_first"].values, data["picture_moved"].values
-    both = np.column_stack([still, moved])
-    box = _enclose_places(both, 2.5, 12, pictures[0].shape[::-1])
+    box = _enclose_places(np.column_stack([still, moved]), 2.5, 12, pictures[0].shape[::-1])
     figure, axes = style.subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN))
     for panel, picture in zip(axes, pictures, strict=True):
         _draw_photo(panel, picture, box)
@@ -370,9 +369,8 @@ def _parts(data: xr.Dataset) -> dict[str, Any]:
     residual, n = exact - tracks.frames / tracks.rate, len(exact)
 
     def shape_at(times: Array) -> Array:
-        images = [
-            own.at(instant.omega, [t])[0] for own, t in zip(tracks.harmonics, times, strict=True)
-        ]
+        pairs = zip(tracks.harmonics, times, strict=True)
+        images = [own.at(instant.omega, [time])[0] for own, time in pairs]
         return deflection_at(tracks.P, tracks.frame, tracks.rest, np.array(images))[row]
 
     def loss(times: Array) -> float:

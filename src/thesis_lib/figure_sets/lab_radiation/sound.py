@@ -103,11 +103,8 @@ def drive_structure(case: str) -> Driven:
         row = replace(beam, n_markers=BEAM_COLUMNS, marker_spacing=beam.length / BEAM_COLUMNS)
         markers = rows_on(row, 2, ROW_SPACING, BEAM_MARKER, None)
         return _drive_at_mode(beam, markers, 3, "beam, third mode")
-    flat = replace(
-        setups.thesis_plate(MARKER_GRID),
-        thickness=PLATE_THICKNESS_M,
-        force_position=FORCE_PLACE_M,
-    )
+    plate = setups.thesis_plate(MARKER_GRID)
+    flat = replace(plate, thickness=PLATE_THICKNESS_M, force_position=FORCE_PLACE_M)
     if case == "l":
         outline = setups.setup_table("shape", "l")["outline_mm"]
         corners = tuple((x / 1000, y / 1000) for x, y in outline)
@@ -210,10 +207,8 @@ class MarkerSound:
     @cached_property
     def matrix(self) -> ComplexArray:
         """Return the pressure on :data:`PRESSURE_PLANE`, shape (places, markers)."""
-        points = PRESSURE_PLANE.points.reshape(3, -1)
-        return self._surface.pressure_matrix(
-            self.between.moving, points, self.own.omega, self.medium
-        )
+        points, omega = PRESSURE_PLANE.points.reshape(3, -1), self.own.omega
+        return self._surface.pressure_matrix(self.between.moving, points, omega, self.medium)
 
     @cached_property
     def _squares(self) -> Array:
@@ -273,9 +268,8 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     times = np.arange(0, HEARD_SECONDS, HEARD_STEP / of_measurement.SOUND_RATE_HZ)
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
-        found = identify_modes(
-            *tracking.select_free_decay(rig, _project_tracks(rig, scatter)), asked
-        )
+        decay = tracking.select_free_decay(rig, _project_tracks(rig, scatter))
+        found = identify_modes(*decay, asked)
     except (ChainError, ModalError):
         sizes = {"ringing": len(hertz), "tap_time": len(times)}
         none = {
@@ -290,9 +284,8 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     plane = planes.Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
     data = _as_measured(found)
     shapes = of_measurement.shapes_of(data, np.ones(len(markers[0]), bool))
-    made = radiated.radiate_sound(
-        surface, between, of_measurement.tones_of(data), shapes, LISTENER_M, [plane], medium
-    )
+    rung = of_measurement.tones_of(data)
+    made = radiated.radiate_sound(surface, between, rung, shapes, LISTENER_M, [plane], medium)
     powers = []  # of each mode of the true motion at that moment, W
     shapes_then = rig.motion.amplitudes(surface.places, found.zero)
     for w, shape in zip(np.abs(rig.motion.poles), shapes_then, strict=True):
