@@ -112,15 +112,10 @@ def manifest_of(rig: Rig) -> Manifest:
 def _describe_structure(structure: Structure, markers: Markers) -> manifest_parts.StructureSpec:
     """Describe the structure: markers by rows where they stand in such, else one by one."""
     x, y = structure.force_point[:, 0]
+    own: dict[str, Any] = {"kind": "beam"}
     if isinstance(structure, Plate):
-        own: dict[str, Any] = {
-            "kind": "plate",
-            "poissons_ratio": structure.poisson,
-            "force_across_mm": _mm(y),
-        }
-    elif isinstance(structure, Beam):
-        own = {"kind": "beam"}
-    else:
+        own = {"kind": "plate", "poissons_ratio": structure.poisson, "force_across_mm": _mm(y)}
+    elif not isinstance(structure, Beam):
         raise TypeError(f"{type(structure).__name__}: neither a beam nor a plate")
     given: dict[str, Any] = {
         "diameter_mm": _mm(markers.diameter),

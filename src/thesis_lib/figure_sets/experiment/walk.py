@@ -25,7 +25,7 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import figures, methods
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT, tracks_of
-from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
+from thesis_lib.figure_sets.experiment.figure_set import METHODS, ExperimentResolution
 from thesis_lib.figure_sets.experiment.figures import MARKERS, WIDTH_IN
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
@@ -285,50 +285,39 @@ def file_name(name: str) -> str:
 # What paragraphs and tables need besides the recordings.
 
 
-def _phase_loss(data: xr.Dataset, frames: float) -> float:
-    """Return what being so many frames off a maximum costs, in %."""
-    phase = 2 * np.pi * float(data["frequency"]) * frames / float(data["frame_rate"][0])
-    return float(100 * (1 - np.cos(phase)))
+def _timing(data: xr.Dataset) -> dict[str, Any]:
+    """Compare delays in whole frames with the true ones; what clocks and exposure cost, in %."""
+    rate, frequency = float(data["frame_rate"][0]), float(data["frequency"])
 
+    def phase_loss(frames: float) -> float:
+        """Return what being so many frames off a maximum costs, in %."""
+        return float(100 * (1 - np.cos(2 * np.pi * frequency * frames / rate)))
 
-def _synchronisation(data: xr.Dataset) -> dict[str, Any]:
-    """Compare delays in whole frames with the true ones."""
     cameras = []
     for one in list(iterate_slices(data, "camera"))[1:]:
         true = float(one["true_delay"] * one["frame_rate"])
-        cameras.append((one, true, _phase_loss(data, float(one["delay_frames"]) - true)))
-    return {"cameras": cameras}
+        cameras.append((one, true, phase_loss(float(one["delay_frames"]) - true)))
+    exposures = float(data["exposure"][0]), 1 / rate
+    loss, whole_frame = (100 * (1 - np.sinc(frequency * time)) for time in exposures)
+    named = {"rate": rate, "frequency": frequency, "loss": loss, "whole_frame": whole_frame}
+    return named | {"cameras": cameras, "half": phase_loss(0.5), "whole": phase_loss(1.0)}
 
 
-def _clocks(data: xr.Dataset) -> dict[str, Any]:
-    """Return the frames in a period, and what a clock that is off costs."""
-    half, whole = (_phase_loss(data, frames) for frames in (0.5, 1.0))
-    rate, frequency = float(data["frame_rate"][0]), float(data["frequency"])
-    return {"rate": rate, "frequency": frequency, "half": half, "whole": whole}
-
-
-def _exposure(data: xr.Dataset) -> dict[str, Any]:
-    """Return what the exposure takes, in %."""
-    time, rate = float(data["exposure"][0]), float(data["frame_rate"][0])
-    loss, whole = (100 * (1 - np.sinc(float(data["frequency"]) * t)) for t in (time, 1 / rate))
-    return {"loss": loss, "whole_frame": whole}
-
-
-def _matches(data: xr.Dataset) -> dict[str, Any]:
-    """Return how far the tip seems to move on the plane at rest."""
-    given = json.loads(data.attrs["rendering"])
-    sideways = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))
-    return {"amplitude_mm": given["amplitude_mm"], "sideways_mm": sideways, "markers": MARKERS}
-
-
-def _tracking(data: xr.Dataset) -> dict[str, Any]:
-    """Return the size of a marker's image at the least width."""
+def _sizes(data: xr.Dataset) -> dict[str, Any]:
+    """Return how far the tip seems to move on the plane, and a marker's image at least width."""
     given, narrow = json.loads(data.attrs["rendering"]), int(data["width"].min())
+    elevation = np.radians(given["elevation_deg"])
     camera = data.sel(calibration="full").isel(camera=0)
     focal = float(camera["K"].values[0, 0]) * narrow / float(camera["size"].values[0])
     length = 1000 * MARKERS.diameter * focal / given["distance_mm"]
-    height = length * np.sin(np.radians(given["elevation_deg"]))
-    return {"narrow": narrow, "length_px": length, "height_px": height}
+    return {
+        "amplitude_mm": given["amplitude_mm"],
+        "sideways_mm": given["amplitude_mm"] / np.tan(elevation),
+        "markers": MARKERS,
+        "narrow": narrow,
+        "length_px": length,
+        "height_px": length * np.sin(elevation),
+    }
 
 
 def _steps(data: xr.Dataset) -> dict[str, Any]:
@@ -337,12 +326,9 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
     instant, found = methods.find_maxima(data, beam.damping), []
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
-    tracks = {name: _tracks(data, name) for name in ("matched", "literal", "harmonic")}
-    tracks["aligned"] = tracks["literal"]
-    for method in ("matched", "literal", "aligned", "harmonic"):
-        own, exposure = tracks[method], data["exposure"].values
-        every, _ = methods.measure_deflection(own, instant, method, exposure)
-        measured = every[MARKERS.middle_row]
+    for method in METHODS:
+        own, exposure = _tracks(data, method), data["exposure"].values
+        measured = methods.measure_deflection(own, instant, method, exposure)[0][MARKERS.middle_row]
         error = 100 * np.abs(measured - reference) / np.abs(reference).max()
         errors = {"mean": np.sqrt(np.nanmean(error**2)), "largest": np.nanmax(error)}
         found.append((method, measured, errors))
@@ -350,7 +336,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
         "methods": found,
         "widest": int(data["width"].max()),
         "reference": reference,
-        "frame": tracks["harmonic"].frame,
+        "frame": _tracks(data, "harmonic").frame,
     }
 
 
@@ -387,11 +373,11 @@ def _parts(data: xr.Dataset) -> dict[str, Any]:
 
 TEXT_VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
     "lab-calibration": lambda _: {},
-    "lab-synchronisation": _synchronisation,
-    "lab-clocks": _clocks,
-    "lab-exposure": _exposure,
-    "lab-matches": _matches,
-    "lab-tracking": _tracking,
+    "lab-synchronisation": _timing,
+    "lab-clocks": _timing,
+    "lab-exposure": _timing,
+    "lab-matches": _sizes,
+    "lab-tracking": _sizes,
     "lab-steps": _steps,
     "lab-parts": _parts,
 }
