@@ -201,10 +201,8 @@ def check_beam_view(
     reach = 1000 * math.hypot(*extent) / 2 + film.amplitude_mm
     if distance_mm <= reach:
         fields.refuse_value(name, distance_mm, distance_limit(reach))
-    if any(
-        view_extent(film, extent, lift, each, distance_mm / 1000) > MAX_VIEW_EXTENT
-        for each in directions_deg
-    ):
+    far = distance_mm / 1000
+    if max(view_extent(film, extent, lift, each, far) for each in directions_deg) > MAX_VIEW_EXTENT:
         allowed = (
             "allowed: so far, or with a focal length so short against the sensor, that all "
             f"cameras see the whole beam{where}"

@@ -157,8 +157,13 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
                 base = np.cos(np.radians(values[f, s])) if low else values[f, s]
                 for kind, found in exponents.items():
                     found[f, s] = fit_exponent(base, errors[kind][f, s])
-        for k, error in enumerate((exact_rms, predicted_rms)):
-            best[k, s], gained[k, s] = best_aperture(study, name, points, error)
+        # Every degree: with amplitudes as they are the law has many dips
+        apertures = np.arange(10.0, 181.0)
+        tried = [step_rig(study, name, "aperture", one).cameras() for one in (*apertures, WIDE_DEG)]
+        for k, law in enumerate((exact_rms, predicted_rms)):
+            *each, wide = [law(cameras, points) for cameras in tried]
+            least = int(np.argmin(each))
+            best[k, s], gained[k, s] = apertures[least], wide / each[least]
     return {
         "swept": values,
         **{f"{kind}_error": errors[kind] for kind in kinds if kind != "small"},
@@ -166,21 +171,6 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
         "best_aperture": best,
         "wide_gain": gained,
     }
-
-
-def best_aperture(
-    study: DesignLaw, structure: str, points: Array, law: Callable[[CameraArray, Array], float]
-) -> tuple[float, float]:
-    """Return aperture in whole degrees of the least error, and the error at `WIDE_DEG` over it."""
-
-    def error(aperture: float) -> float:
-        return law(step_rig(study, structure, "aperture", aperture).cameras(), points)
-
-    # Every degree: with amplitudes as they are the law has many dips.
-    apertures = np.arange(10.0, 181.0)
-    errors = [error(aperture) for aperture in apertures]
-    best = int(np.argmin(errors))
-    return float(apertures[best]), error(WIDE_DEG) / errors[best]
 
 
 def thesis_study(study: DesignLaw, structure: str, part: str) -> Any:
