@@ -5,6 +5,7 @@ It holds the law, simulations, findings, equal pixels, estimators and dither.
 
 import json
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ def run(study: DesignLaw) -> xr.Dataset:
     ``count``, ``image_noise`` and ``approach``, (f) dither along ``fitted_amplitude``, ``shake``
     and ``disc``; ``quantity``, ``value`` and ``unit`` are what runs are compared by.
     """
-    asked = [(one, part) for one in sweeps.STRUCTURES for part in CHAPTER_PARTS]
+    asked = product(sweeps.STRUCTURES, CHAPTER_PARTS)
     every = [(*a, s) for a in asked for s in sweeps.thesis_study(study, *a).settings()]
     coords = {
         "motion": MOTIONS_PX,
@@ -112,22 +113,21 @@ def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
 def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return every setting of chapters 3 and 4: law, simulation, and independent roundings."""
     law, simulated, naive = [], [], []
-    for structure in sweeps.STRUCTURES:
-        for part in CHAPTER_PARTS:
-            request = sweeps.thesis_study(study, structure, part)
-            made = studies.run(request)
-            law.append(made["predicted_error"].values)
-            drawn = made["mean_error"].transpose("setting", "mode", "trial").values[:, :, 1:]
-            simulated.append(np.sqrt(np.mean(drawn**2, axis=2)))
-            deflections = made["reference_deflection"].values
-            shapes = np.concatenate([np.zeros_like(deflections[:1]), deflections])
-            points = world_points(request.structure, shapes)
-            scale = 100 / np.abs(deflections).max(axis=1)
-            for setting in request.settings():
-                P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
-                squares = np.sum(triangulation_gain(P, points)[2] ** 2, axis=(0, 1))
-                each = np.mean(squares, axis=-1) / 12
-                naive.append(scale * np.sqrt(each[1:] + each[0]))
+    for structure, part in product(sweeps.STRUCTURES, CHAPTER_PARTS):
+        request = sweeps.thesis_study(study, structure, part)
+        made = studies.run(request)
+        law.append(made["predicted_error"].values)
+        drawn = made["mean_error"].transpose("setting", "mode", "trial").values[:, :, 1:]
+        simulated.append(np.sqrt(np.mean(drawn**2, axis=2)))
+        deflections = made["reference_deflection"].values
+        shapes = np.concatenate([np.zeros_like(deflections[:1]), deflections])
+        points = world_points(request.structure, shapes)
+        scale = 100 / np.abs(deflections).max(axis=1)
+        for setting in request.settings():
+            P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
+            squares = np.sum(triangulation_gain(P, points)[2] ** 2, axis=(0, 1))
+            each = np.mean(squares, axis=-1) / 12
+            naive.append(scale * np.sqrt(each[1:] + each[0]))
     return {
         "law_error": np.concatenate(law),
         "simulated_error": np.concatenate(simulated),
@@ -183,9 +183,9 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
     for one in sweeps.STRUCTURES:
         at = cube["of_structure"].values == one
         ratios = {"law over simulated": law / simulated, "naive over law": naive / law}
-        for words, ratio in ratios.items():
-            for kind, pick in (("least", np.min), ("median", np.median), ("largest", np.max)):
-                add_quantity(f"{words}, {one}, {kind}", pick(ratio[at]))
+        picks = {"least": np.min, "median": np.median, "largest": np.max}
+        for (words, ratio), (kind, pick) in product(ratios.items(), picks.items()):
+            add_quantity(f"{words}, {one}, {kind}", pick(ratio[at]))
     for axis in "XYZ":
         over = cube["cone_drawn_error"].sel(axis=axis) / cube["cone_error"].sel(axis=axis)
         add_quantity(f"cone, drawn over closed form, {axis}", np.sqrt(np.mean(over**2)))
@@ -195,25 +195,23 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
     for one in sweeps.STRUCTURES:
         part = cube.sel(structure=one)
         where = {"expected": "", "centre": " at the centre", "small": " far below a pixel"}
-        for finding in sweeps.SWEPT_FINDINGS[:-1]:
-            for kind, words in where.items():
-                exponent = part[f"{kind}_exponent"].sel(finding=finding)
-                add_quantity(f"exponent of {finding}{words}, {one}", exponent)
+        for finding, (kind, words) in product(sweeps.SWEPT_FINDINGS[:-1], where.items()):
+            exponent = part[f"{kind}_exponent"].sel(finding=finding)
+            add_quantity(f"exponent of {finding}{words}, {one}", exponent)
         for kind in cube["amplitudes"].values:
             taken, words = part.sel(amplitudes=kind), f"amplitudes {kind}, {one}"
             add_quantity(f"best aperture, {words}", taken["best_aperture"], "degree")
             add_quantity(f"error at 60 degrees over the least, {words}", taken["wide_gain"])
         add_along(f"exponent of number in {{}}, {one}", part["array_exponent"], "1")
-    for count in study.counts:
-        for rate in study.frame_rates_hz:
-            here, part = f"{count} cameras, {rate:g} Hz", cube.sel(count=count, rate=rate)
-            add_quantity(f"width, {here}", part["width_px"], "px")
-            add_quantity(f"error of one frame by the law, {here}", part["frame_error"], "percent")
-            add_quantity(f"error of the fit by the law, {here}", part["fit_error"], "percent")
-            for name in shares.ESTIMATORS:
-                for words, kind in (("one frame", "frame"), ("the fit", "fit")):
-                    drawn = part[f"drawn_{kind}_error"].sel(estimator=name)
-                    add_quantity(f"error of {words}, {name}, {here}", drawn, "percent")
+    fitted = {"one frame": "frame", "the fit": "fit"}
+    for count, rate in product(study.counts, study.frame_rates_hz):
+        here, part = f"{count} cameras, {rate:g} Hz", cube.sel(count=count, rate=rate)
+        add_quantity(f"width, {here}", part["width_px"], "px")
+        for words, kind in fitted.items():
+            add_quantity(f"error of {words} by the law, {here}", part[f"{kind}_error"], "percent")
+        for name, (words, kind) in product(shares.ESTIMATORS, fitted.items()):
+            drawn = part[f"drawn_{kind}_error"].sel(estimator=name)
+            add_quantity(f"error of {words}, {name}, {here}", drawn, "percent")
     for name in simulation.ESTIMATORS:
         part = cube.sel(rule=name)
         errors = part["equidistant_rig_error"].values
@@ -331,8 +329,8 @@ def list_dither(cube: xr.Dataset) -> dict[str, Any]:
             error, simulated = at[f"{name}_error"], at[f"drawn_{name}_error"]
             rows.append({"kind": kind, "value": at[name], "error": error, "drawn": simulated})
     std = largest_std(cube, *(f"drawn_{name}_error" for name in DITHERED))
-    whole, frames = dither.ONE_FRAME**0.5, shares.SHAKE_FRAMES
-    return {"rows": rows, "whole": whole, "frames": frames, "std": std}
+    whole = dither.ONE_FRAME**0.5
+    return {"rows": rows, "whole": whole, "frames": shares.SHAKE_FRAMES, "std": std}
 
 
 def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
