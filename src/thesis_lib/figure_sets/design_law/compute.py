@@ -94,11 +94,8 @@ def run(study: DesignLaw) -> xr.Dataset:
     return cube.assign(label_values(summarise_law(cube, study), VARIABLES))
 
 
-# (a) The law.
-
-
 def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Return one coordinate: the law, and as many draws."""
+    """Return (a) along `motion`: the law of one coordinate, and as many draws."""
     random = np.random.default_rng(study.seed)
     place = random.uniform(-0.5, 0.5, (DRAWS_PER_TRIAL * study.trials, 1))
     error = pinhole.pixelate(place + MOTIONS_PX) - pinhole.pixelate(place) - MOTIONS_PX
@@ -111,7 +108,7 @@ def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
 
 
 def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Return every setting of chapters 3 and 4: law, simulation, and independent roundings."""
+    """Return (a) along `setting` of chapters 3 and 4: law, simulation, independent roundings."""
     law, simulated, naive = [], [], []
     for structure, part in product(sweeps.STRUCTURES, CHAPTER_PARTS):
         request = sweeps.thesis_study(study, structure, part)
@@ -135,11 +132,8 @@ def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
     }
 
 
-# (b) The cone.
-
-
 def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Compute the cone by closed form, Jacobian, and random motions with whole pixels."""
+    """Compute (b), the cone, by closed form, Jacobian, and random motions with whole pixels."""
     distance, n = study.cone_distance_mm / 1000, study.cone_cameras
     focal = study.focal_length_mm / study.sensor_width_mm * study.resolution_px[0]
     random = np.random.default_rng(study.seed)
@@ -183,7 +177,7 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
     for one in sweeps.STRUCTURES:
         at = cube["of_structure"].values == one
         ratios = {"law over simulated": law / simulated, "naive over law": naive / law}
-        picks = {"least": np.min, "median": np.median, "largest": np.max}
+        picks: Any = {"least": np.min, "median": np.median, "largest": np.max}
         for (words, ratio), (kind, pick) in product(ratios.items(), picks.items()):
             add_quantity(f"{words}, {one}, {kind}", pick(ratio[at]))
     for axis in "XYZ":

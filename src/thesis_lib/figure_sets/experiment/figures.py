@@ -53,9 +53,6 @@ def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, *
     axes.annotate("", end, start, zorder=zorder, arrowprops=arrow)
 
 
-# The rig.
-
-
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
     found = select_tracks(data, MARKERS, camera_letters(data), int(data["width"].max()), "full")
@@ -180,9 +177,6 @@ def _point_at(axes: Axes, place: Any, aside: float, text: str, align: str, ink: 
 def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
     _draw_arrow(axes, start, end, "<->", linewidth=0.8, shrinkA=0, shrinkB=0)
     write_label(axes, np.mean([start, end], axis=0), text, bbox=WHITE_GROUND | {"pad": 1.5})
-
-
-# The board.
 
 
 def draw_coverage(data: xr.Dataset) -> Figure:

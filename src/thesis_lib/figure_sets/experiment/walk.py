@@ -104,9 +104,6 @@ def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
     return np.asarray(part.transpose("axis", "marker").values, float)
 
 
-# What they see.
-
-
 def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
@@ -150,9 +147,6 @@ def draw_board(data: xr.Dataset) -> Figure:
     left.set_title("(a) one shot of camera A")
     right.set_title("(b) one corner, pixel by pixel")
     return figure
-
-
-# Appendix F.
 
 
 def draw_outline(data: xr.Dataset) -> Figure:
@@ -234,9 +228,6 @@ def draw_centres(data: xr.Dataset) -> Figure:
     axes[0].set_title("(a) at rest")
     axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {tip:.1f} px")
     return figure
-
-
-# Resolution.
 
 
 def draw_widths(data: xr.Dataset) -> Figure:
