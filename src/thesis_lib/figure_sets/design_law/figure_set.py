@@ -87,9 +87,10 @@ class DesignLaw(Study):
             count = self.counts[i]
             angles = np.degrees(cone_directions(np.radians(self.cone_deg), count)).T.tolist()
             directions = tuple((azimuth, elevation) for azimuth, elevation in angles)
-            place = f"{count} cameras", self.cone_distance_mm, directions
+            label, far = f"{count} cameras", self.cone_distance_mm
             size = int(width[i, k]), int(height[i, k])
-            made.append(setups.Setting(f"{rate[i, k]:.4g} Hz", count, *place, size))
+            case = f"{rate[i, k]:.4g} Hz"
+            made.append(setups.Setting(case, count, label, far, directions, size))
         return made
 
     @model_validator(mode="after")

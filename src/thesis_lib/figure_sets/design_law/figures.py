@@ -28,8 +28,8 @@ def motion(cube: xr.Dataset) -> Figure:
     delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
     # Motions closer to each other towards whole pixels, where the law has cusps: √(f (1 − f)) is
     # half the sine of an angle that grows evenly here
-    arched = (1 - np.cos(np.linspace(0, np.pi, _PER_PIXEL))) / 2
-    arched = (np.arange(np.ceil(delta[-1]))[:, None] + arched).ravel()
+    place = (1 - np.cos(np.linspace(0, np.pi, _PER_PIXEL))) / 2
+    arched = (np.arange(np.ceil(delta[-1]))[:, None] + place).ravel()
     every = np.unique(np.concatenate([arched, np.geomspace(delta[0], 1, _PER_PIXEL)]))
     every = every[(every >= delta[0]) & (every <= delta[-1])]
     law, independent = np.sqrt(difference_variance(every)), np.full_like(every, cone_law.MOTION_PX)
