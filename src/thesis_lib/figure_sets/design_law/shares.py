@@ -7,7 +7,6 @@ together by the error of an amplitude that is fitted to a film of the centre.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,17 +47,17 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
     drawn, drawn_fit = np.empty((2, 2, len(ESTIMATORS), *widths.shape))  # rms and standard error
     for at, setting in zip(np.ndindex(widths.shape), study.settings(), strict=True):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
-        filmed = sample_vibration(float(frame_rate[at]), study)
+        filmed, peaks, inverse = sample_vibration(float(frame_rate[at]), study)
         images, number = round_images(rig, filmed, study.seed)
         law[at] = exact_rms(rig, points)
-        fit[at] = predict_amplitude_error(rig, filmed)
+        fit[at] = predict_amplitude_error(rig, filmed, inverse)
         view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
         frames = one_frame(rig, points, study)
         for e, estimate in enumerate(ESTIMATORS.values()):
             drawn[:, e, *at] = simulation.rms_with_std(frames[e])
             height = estimate(rig.P, images)[2][number]
-            waves = (filmed.fit[:, :2] @ height[..., None])[..., 0]
-            wrong = np.linalg.norm(waves, axis=1) - filmed.peaks
+            waves = (inverse[:, :2] @ height[..., None])[..., 0]
+            wrong = np.linalg.norm(waves, axis=1) - peaks
             drawn_fit[:, e, *at] = simulation.rms_with_std(wrong)
     percent = 100 / peak
     counts = np.array(study.counts)[:, None]
@@ -99,25 +98,19 @@ def one_frame(rig: CameraArray, points: Array, study: DesignLaw) -> Array:
     return np.asarray(np.sqrt(np.mean(error**2, axis=(1, 2))))
 
 
-@dataclass(frozen=True)
-class Film:
-    """Vibration of a point at the centre along Z, in every frame of every trial."""
-
-    points: Array  #: Where it is, in m, shape (3, trials, frames)
-    #: Amplitudes in m, shape (trials,). They differ, so that what depends on their fraction of a
-    #: pixel averages out.
-    peaks: Array
-    #: Pseudo-inverse of the fit: rows for cosine, sine and constant, shape (trials, 3, frames)
-    fit: Array
-
-
 def spread_factors(n: int) -> Array:
     """Return the factors from half to one and a half, whose mean is one."""
     return 0.5 + (np.arange(n) + 0.5) / n
 
 
-def sample_vibration(frame_rate: float, study: DesignLaw) -> Film:
-    """Sample the vibration as a camera does, with random phases."""
+def sample_vibration(frame_rate: float, study: DesignLaw) -> tuple[Array, Array, Array]:
+    """Sample a vibration of the centre along Z as a camera does, with random phases.
+
+    Returned are the point's places in m, shape (3, trials, frames), its amplitudes in m, shape
+    (trials,), and the pseudo-inverse of their fit: rows for cosine, sine and constant, shape
+    (trials, 3, frames). Amplitudes differ, so that what depends on their fraction of a pixel
+    averages out.
+    """
     trials, n_frames = min(study.trials, MAX_FITTED_TRIALS), round(frame_rate * study.duration_s)
     random = np.random.default_rng(study.seed)
     peaks = study.amplitude_mm / 1000 * spread_factors(trials)
@@ -126,20 +119,20 @@ def sample_vibration(frame_rate: float, study: DesignLaw) -> Film:
     points = np.zeros((3, trials, n_frames))
     points[2] = peaks[:, None] * np.cos(turn)
     basis = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=2)
-    return Film(points, peaks, np.linalg.pinv(basis))
+    return points, peaks, np.linalg.pinv(basis)
 
 
-def round_images(rig: CameraArray, filmed: Film, seed: int) -> tuple[Array, IntArray]:
+def round_images(rig: CameraArray, filmed: Array, seed: int) -> tuple[Array, IntArray]:
     """Round the images (cameras, 2, m) of a film, equal ones once, and return their indices.
 
     The latter has the shape (trials, frames). All frames of a camera share one pixel grid, so that
     those of a trial show the same pixels wherever the point moves less than it takes to tell. In
     the order of its height such frames are neighbours.
     """
-    trials, n_frames = filmed.points.shape[1:]
+    trials, n_frames = filmed.shape[1:]
     shifts = np.moveaxis(rounding.grid_shifts(seed, trials, len(rig))[1:], 0, 2)[..., None]
-    order = np.argsort(filmed.points[2], axis=1)
-    points = np.take_along_axis(filmed.points, order[None], axis=2)
+    order = np.argsort(filmed[2], axis=1)
+    points = np.take_along_axis(filmed, order[None], axis=2)
     images, number = [], np.empty(order.shape, np.int64)
     at_once = max(1, _FILM_VALUES // (len(rig) * n_frames))
     before = 0
@@ -156,13 +149,13 @@ def round_images(rig: CameraArray, filmed: Film, seed: int) -> tuple[Array, IntA
     return np.concatenate(images, axis=2), number
 
 
-def predict_amplitude_error(rig: CameraArray, filmed: Film) -> float:
+def predict_amplitude_error(rig: CameraArray, filmed: Array, inverse: Array) -> float:
     """Return the rms amplitude error in m by the law, to first order: errors repeat by the frame.
 
     On a cone all cameras see the same motion, in v alone.
     """
-    v = project(rig.P[:1], filmed.points)[0, 1]
-    each = cone_law.error_of_sum(v, filmed.fit[:, 0])
+    v = project(rig.P[:1], filmed)[0, 1]
+    each = cone_law.error_of_sum(v, inverse[:, 0])
     g = triangulation.triangulation_gain(rig.P, np.zeros(3))[2]
     return float(np.sqrt(np.mean(each**2) * np.sum(g**2)))
 
