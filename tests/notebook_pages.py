@@ -3,6 +3,7 @@
 import nbformat
 import pytest
 
+from thesis_lib.files import sha256
 from thesis_lib.notebook import show
 from thesis_lib.runs import postprocess
 from thesis_lib.studies import storage
@@ -28,5 +29,5 @@ def build_figures_cell(shown):
 def add_provenance(page, request, cube, file):
     """Write a cube, and add to a notebook what a run tells of it."""
     storage.write_netcdf(cube, file, compact=True)
-    about = postprocess.trace_results(request, cube, file, Effort(7.4, 312.0, 1.25))
-    postprocess.add_provenance(page, about, cube, in_book=False)
+    cost = Effort(7.4, 312.0, 1.25)
+    postprocess.add_provenance(page, request, cube, sha256(file), cost, in_book=False)

@@ -5,6 +5,7 @@ and refused comes from the models of :mod:`thesis_lib.figure_sets.registry`, as 
 a file that nobody runs, the controls are nothing: their output holds a widget's view alone.
 """
 
+import contextlib
 import html
 import json
 import time
@@ -57,8 +58,14 @@ class Controls:
 
     @property
     def values(self) -> dict[str, Any]:
-        """Return the values of the inputs."""
-        return {name: _read_value(widget) for name, widget in self.inputs.items()}
+        """Return the values of the inputs, plain; a text is JSON or, if it is not, a word."""
+        values: dict[str, Any] = {}
+        for name, widget in self.inputs.items():
+            values[name] = list(widget.value) if isinstance(widget.value, tuple) else widget.value
+            if isinstance(widget, ipywidgets.Text):
+                with contextlib.suppress(ValueError, RecursionError):
+                    values[name] = json.loads(widget.value)
+        return values
 
 
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
@@ -81,9 +88,8 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
         return None
     given = {key: namespace[key] for key in STUDIES[name].model_fields if key in namespace}
     request = validate_request(name, given)
-
-    keep = partial(namespace.__setitem__, "result")
-    return LiveView(stack_controls(request, controls(request, keep)))
+    made = controls(request, partial(namespace.__setitem__, "result"))
+    return LiveView(stack_controls(request, made))
 
 
 def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None) -> Controls:
@@ -96,8 +102,18 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
     keep : callable
         Is given each new cube.
     """
+    values, model = request.model_dump(mode="json"), type(request)
+    schemas = model.model_json_schema()["properties"]
+    inputs = {}
+    for row in describe_parameters(model):  # in the order of the tables
+        name = row["name"]
+        if name != "cube":
+            inputs[name] = _build_input(schemas[name], values[name])
+            inputs[name].description = name
+            inputs[name].tooltip = f"{row['meaning']}; {row['allowed']}"
+            inputs[name].layout, inputs[name].style.description_width = WIDE_LAYOUT, "11rem"
     made = Controls(
-        _build_inputs(request),
+        inputs,
         ipywidgets.Button(description="Rerun", button_style="primary", icon="play"),
         ipywidgets.HTML(),
         ipywidgets.HTML(),
@@ -119,7 +135,7 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
         if not made.message.value:
             _run_request(made, validate_request(request.name, made.values), keep)
 
-    for widget in made.inputs.values():
+    for widget in inputs.values():
         widget.observe(check_values, "value")
     made.button.on_click(click)
     check_values()
@@ -137,21 +153,6 @@ def stack_controls(request: Study, made: Controls) -> ipywidgets.VBox:
         unit = f"{row['unit']}; " if row["unit"] else ""
         rows.append(ipywidgets.HBox([widget, ipywidgets.HTML(html.escape(unit + row["meaning"]))]))
     return ipywidgets.VBox([*rows, made.button, made.message, made.command, made.output])
-
-
-def _build_inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
-    """Return a widget for each parameter but `cube`, in the order of the tables."""
-    values, model = request.model_dump(mode="json"), type(request)
-    schemas = model.model_json_schema()["properties"]
-    made = {}
-    for row in describe_parameters(model):
-        name = row["name"]
-        if name != "cube":
-            made[name] = _build_input(schemas[name], values[name])
-            made[name].description = name
-            made[name].tooltip = f"{row['meaning']}; {row['allowed']}"
-            made[name].layout, made[name].style.description_width = WIDE_LAYOUT, "11rem"
-    return made
 
 
 def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
@@ -182,16 +183,6 @@ def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidge
         return ipywidgets.FloatText(value=value)
     text = value if isinstance(value, str) else json.dumps(whole_numbers(value), ensure_ascii=False)
     return ipywidgets.Text(value=text, continuous_update=False)
-
-
-def _read_value(widget: ipywidgets.ValueWidget) -> Any:
-    """Return what a widget says, as a plain value; text is JSON or, if it is not, a word."""
-    if isinstance(widget, ipywidgets.Text):
-        try:
-            return json.loads(widget.value)
-        except (ValueError, RecursionError):
-            return widget.value
-    return list(widget.value) if isinstance(widget.value, tuple) else widget.value
 
 
 def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -> None:

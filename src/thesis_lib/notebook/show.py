@@ -51,7 +51,15 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     """
     registry.is_known(name, here=True)  # which loads it
     model = registry.model_of(name)
-    injected = _find_injected(namespace.get("In", []))
+    injected = [  # names that papermill's cell has set, in the kernel's history
+        target.id
+        for source in namespace.get("In", [])
+        if source.startswith("# Parameters\n")
+        for statement in ast.parse(source).body
+        if isinstance(statement, ast.Assign)
+        for target in statement.targets
+        if isinstance(target, ast.Name)
+    ]
     check_names(model, injected)
     values = {key: namespace[key] for key in model.model_fields if key in namespace}
     for key in injected:  # papermill's ``-p`` passes lists and objects on as text
@@ -66,8 +74,18 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
 
 
 def cube_of(asked: Study) -> xr.Dataset:
-    """Return the cube of a request, and write it to the file of its parameter `cube`."""
-    result = cube_file.cube_of(asked, _read_scheduler(asked))
+    """Return the cube of a request, and write it to the file of its parameter `cube`.
+
+    If it can be cut into pieces, the scheduler of ``THESIS_SCHEDULER`` computes them.
+    """
+    try:
+        scheduler = workers.from_environment()
+    except ValueError as error:
+        raise ParameterError(str(error)) from None
+    if scheduler and not registry.FIGURE_SETS[asked.name].in_pieces:
+        print(workers.describe_alone(asked.name), file=sys.stderr)
+        scheduler = ""
+    result = cube_file.cube_of(asked, scheduler)
     if asked.cube:  # an absolute path stands
         storage.write_netcdf(result, files.workplace() / asked.cube, compact=True)
     return result
@@ -76,31 +94,6 @@ def cube_of(asked: Study) -> xr.Dataset:
 def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
     """Compute the cube for a notebook's variables: :func:`checked`, then :func:`cube_of`."""
     return cube_of(checked(name, namespace))
-
-
-def _find_injected(inputs: Iterable[str]) -> list[str]:
-    """Find the names that papermill's injected cell has set, in a kernel's history."""
-    return [
-        target.id
-        for source in inputs
-        if source.startswith("# Parameters\n")
-        for statement in ast.parse(source).body
-        if isinstance(statement, ast.Assign)
-        for target in statement.targets
-        if isinstance(target, ast.Name)
-    ]
-
-
-def _read_scheduler(request: Study) -> str:
-    """Return the scheduler of ``THESIS_SCHEDULER``, if the study can be cut into pieces."""
-    try:
-        scheduler = workers.from_environment()
-    except ValueError as error:
-        raise ParameterError(str(error)) from None
-    if scheduler and not registry.FIGURE_SETS[request.name].in_pieces:
-        print(workers.describe_alone(request.name), file=sys.stderr)
-        return ""
-    return scheduler
 
 
 def viewer(cube: xr.Dataset) -> Viewer:
@@ -185,7 +178,17 @@ def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
         for row in describe_parameters(study):
             if row["name"] == "cube":  # where a notebook writes: not of the command
                 continue
-            field = _describe_field(study, row, schema[row["name"]])
+            default = json.loads(row["default"])
+            listed = {"title", "description", "default", "allowed"}  # keys that a row holds itself
+            plain = {key: of for key, of in schema[row["name"]].items() if key not in listed}
+            if plain.get("items") == {"type": "string"}:  # names that only the command knows
+                plain["items"] = {"type": "string", "enum": default}
+            field = {
+                **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
+                "schema": plain,
+                "permitted": describe_permitted(study, row["name"]),
+                "typed": _format_typed(default),
+            }
             if field not in fields:
                 fields.append(field)
             numbers[row["name"]] = fields.index(field)
@@ -211,22 +214,6 @@ def form_of(request: Study) -> dict[str, Any]:
     default, values = type(request)().request, request.request
     start = {name: _format_typed(one) for name, one in values.items() if one != default[name]}
     return data | {"start": start}
-
-
-def _describe_field(
-    study: type[Study], row: dict[str, str], schema: dict[str, Any]
-) -> dict[str, Any]:
-    """Describe a parameter; a list of names only the command knows offers its default's."""
-    default = json.loads(row["default"])
-    listed = {"title", "description", "default", "allowed"}  # keys that a row holds itself
-    plain = {key: value for key, value in schema.items() if key not in listed}
-    named = plain.get("items") == {"type": "string"}
-    return {
-        **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
-        "schema": plain | ({"items": {"type": "string", "enum": default}} if named else {}),
-        "permitted": describe_permitted(study, row["name"]),
-        "typed": _format_typed(default),
-    }
 
 
 def _format_typed(value: Any) -> str:

@@ -8,15 +8,13 @@ stands next to it, and small tables are in the page itself.
 import base64
 import json
 import re
-from dataclasses import dataclass
-from pathlib import Path
+from itertools import chain
 from typing import Any
 from urllib.parse import quote
 
 import xarray as xr
 
 from thesis_lib import __version__
-from thesis_lib.files import sha256
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.studies.effort import Effort
 from thesis_lib.studies.request import Study, changed_parameters, study_command
@@ -84,37 +82,17 @@ def _read_figure_words(output: Any) -> dict[str, Any]:
     return dict(about) if {"name", "caption", "alt"} <= set(about) else {}
 
 
-@dataclass(frozen=True)
-class Record:
-    """Where the results of a figure set come from."""
-
-    study: Study  #: What was asked for
-    sha256: str  #: Of the cube's file
-    #: Commit of the library, and when the cube was made
-    commit: str
-    created: str
-    effort: Effort  #: What the run cost
-
-    @property
-    def anchor(self) -> str:
-        """Return the name of the fold-out in its page."""
-        return f"provenance-{self.study.name}"
-
-
-def trace_results(study: Study, cube: xr.Dataset, file: Path, effort: Effort) -> Record:
-    """Return the origin of a cube and of the file that holds it."""
-    commit, created = (str(cube.attrs[name]).strip() for name in ("commit", "created"))
-    return Record(study, sha256(file), commit, created, effort)
-
-
-def add_provenance(notebook: Any, about: Record, cube: xr.Dataset, in_book: bool) -> None:
+def add_provenance(
+    notebook: Any, study: Study, cube: xr.Dataset, digest: str, cost: Effort, in_book: bool
+) -> None:
     """Put the fold-out at the end of an executed notebook, and a line under each figure.
 
     The page is one of the book, or stands alone next to its cube, and then holds the tables.
+    `digest` is the SHA-256 of the cube's file, `cost` that of the run.
     """
     import nbformat
 
-    name = about.study.name
+    name, anchor = study.name, f"provenance-{study.name}"  # of the fold-out in its page
     files = plotted.figure_names(cube)
     errors = plotted.errors_table(cube)
 
@@ -126,56 +104,43 @@ def add_provenance(notebook: Any, about: Record, cube: xr.Dataset, in_book: bool
 
     def line_under(address: str = "", file: str = "", case: str = "", mode: int = 0) -> str:
         values = {"address": address, "file": file, "case": case, "mode": mode}
-        template = "runs/templates/under_figure.html.j2"
-        return render_html(template, anchor=about.anchor, **values).strip()
+        return render_html("runs/templates/under_figure.html.j2", anchor=anchor, **values).strip()
 
-    def lines_under(cell: Any) -> list[str]:
-        shown = [which for which in figures_of(cell) if which in files]
-        if not shown and "figure" in cell.metadata.get("mystnb", {}) and cell.get("outputs"):
-            return [line_under()]
+    cells = []
+    for cell in notebook.cells:
+        cells.append(cell)
+        outputs = cell.get("outputs", [])
+        stated = chain.from_iterable(one.get("metadata", {}).values() for one in outputs)
+        shown = [
+            which
+            for said in stated
+            if isinstance(said, dict) and {"case", "mode"} <= set(said)
+            if (which := (str(said["case"]), int(said["mode"]))) in files
+        ]
         lines = []
         for which in shown:
             file = f"{files[which]}.csv"
             address = link(plotted.figure_table(cube, errors, *which), f"{name}/{file}")
             lines.append(line_under(address, file, *which))
-        return lines
-
-    cells = []
-    for cell in notebook.cells:
-        cells.append(cell)
-        if lines := lines_under(cell):
+        if not shown and "figure" in cell.metadata.get("mystnb", {}) and outputs:
+            lines = [line_under()]
+        if lines:
             cells.append(nbformat.v4.new_markdown_cell("\n".join(lines), id=f"{cell.id}-data"))
-    place = f"../{DATA_FOLDER}/{name}.nc" if in_book else f"{name}.nc"
-    text = f"## Data and provenance\n\n{fold_out(about, place, link(errors, f'{name}.csv'))}"
-    cells.append(nbformat.v4.new_markdown_cell(text, id=f"{name}-provenance"))
-    notebook.cells = cells
-
-
-def figures_of(cell: Any) -> list[tuple[str, int]]:
-    """Return case and mode of each figure that a cell shows, as its outputs state them."""
-    found = []
-    for output in cell.get("outputs", []):
-        for said in output.get("metadata", {}).values():
-            if isinstance(said, dict) and {"case", "mode"} <= set(said):
-                found.append((str(said["case"]), int(said["mode"])))
-    return found
-
-
-def fold_out(about: Record, cube: str, numbers: str) -> str:
-    """Return the fold-out as one block of HTML.
-
-    `cube` and `numbers` are addresses of the cube and of the table of all errors.
-    """
-    changed = changed_parameters(about.study).items()
-    parameters = {key: json.dumps(value, ensure_ascii=False) for key, value in changed}
+    given = changed_parameters(study).items()
     block = render_html(
         "runs/templates/provenance.html.j2",
-        about=about,
-        study=about.study,
-        given=parameters,
+        study=study,
+        anchor=anchor,
+        given={key: json.dumps(value, ensure_ascii=False) for key, value in given},
         version=__version__,
-        command=study_command(about.study),
-        cube=cube,
-        numbers=numbers,
+        commit=str(cube.attrs["commit"]).strip(),
+        created=str(cube.attrs["created"]).strip(),
+        digest=digest,
+        cost=cost,
+        command=study_command(study),
+        cube=f"../{DATA_FOLDER}/{name}.nc" if in_book else f"{name}.nc",
+        numbers=link(errors, f"{name}.csv"),
     )
-    return block.strip()
+    text = f"## Data and provenance\n\n{block.strip()}"
+    cells.append(nbformat.v4.new_markdown_cell(text, id=f"{name}-provenance"))
+    notebook.cells = cells
