@@ -50,21 +50,20 @@ def explorer_data() -> dict[str, Any]:
         ``stated``, each by the error's name with one entry per mode: ``[trial 0, median, 5 %,
         95 %]`` in % as published, or None, and the thesis's words, or "".
     """
+    structures = {}
+    for subject in ("beam", "plate"):
+        studies = [one for one in map(camera_study, CAMERA_STUDIES) if one.subject == subject]
+        arrays = next(one for one in studies if one.study == "arrays")
+        structures[subject] = {
+            **structure_model(arrays.structure, max(EXPLORER_MODES)),
+            "reading": {"f": arrays.focal_length_mm, "a": arrays.amplitude_mm, "r": arrays.rest},
+            "setups": [one for study in studies for one in _list_setups(study)],
+        }
     return {
         "colors": list(CYCLE_COLORS),
         "colormap": list(DIVERGING_COLORS[::4]),
         "sensor_width_mm": camera_study("beam-arrays").sensor_width_mm,
-        "structures": {subject: _describe_structure(subject) for subject in ("beam", "plate")},
-    }
-
-
-def _describe_structure(subject: str) -> dict[str, Any]:
-    studies = [one for one in map(camera_study, CAMERA_STUDIES) if one.subject == subject]
-    arrays = next(one for one in studies if one.study == "arrays")
-    return {
-        **structure_model(arrays.structure, max(EXPLORER_MODES)),
-        "reading": {"f": arrays.focal_length_mm, "a": arrays.amplitude_mm, "r": arrays.rest},
-        "setups": [one for study in studies for one in _list_setups(study)],
+        "structures": structures,
     }
 
 

@@ -35,6 +35,7 @@ _WITHOUT_BOOK = (
     "this.insertAdjacentText('beforebegin', 'The viewer that stands here needs the whole book.')"
 )
 _UNUSED_SCRIPTS = ("searchtools.js", "language_data.js", "searchindex.js", "fontawesome.js")
+_KEPT_KINDS = ("text/plain", "text/markdown")  # of outputs, in the notebooks that are offered
 
 
 def finish_pages(book: Path) -> None:
@@ -48,7 +49,12 @@ def finish_pages(book: Path) -> None:
         name = path.relative_to(book).as_posix()
         page = lxml.html.document_fromstring(path.read_text(encoding="utf-8"))
         entries[name] = index_page(page)
-        remove_unused(page)
+        for script in [*page.iter("script")]:  # widgets' state, which viewers carry; the search
+            state = script.get("type") == "application/vnd.jupyter.widget-state+json"
+            if state or script.get("src", "").partition("?")[0].endswith(_UNUSED_SCRIPTS):
+                script.drop_tree()
+        for second in page.xpath("//meta[@name='viewport']")[1:]:
+            second.drop_tree()
         name_controls(page)
         fold_contents(page)
         draw_intervals(page)
@@ -57,18 +63,15 @@ def finish_pages(book: Path) -> None:
         text = lxml.html.tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")
         path.write_text(text, encoding="utf-8")
     write_index(book, entries)
-    for notebook in (book / "_sources").rglob("*.ipynb"):
-        strip_notebook(notebook)
-
-
-def remove_unused(page: HtmlElement) -> None:
-    """Remove the state of widgets, which viewers carry, and the scripts of Sphinx's search."""
-    for script in [*page.iter("script")]:
-        state = script.get("type") == "application/vnd.jupyter.widget-state+json"
-        if state or script.get("src", "").partition("?")[0].endswith(_UNUSED_SCRIPTS):
-            script.drop_tree()
-    for second in page.xpath("//meta[@name='viewport']")[1:]:
-        second.drop_tree()
+    for path in (book / "_sources").rglob("*.ipynb"):
+        # An offered notebook does without what its page shows: figures and widgets.
+        notebook: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        notebook["metadata"].pop("widgets", None)
+        for output in (one for cell in notebook["cells"] for one in cell.get("outputs", [])):
+            if data := output.get("data"):
+                kept = {kind: data[kind] for kind in data if kind in _KEPT_KINDS}
+                output["data"], output["metadata"] = kept or data, {}
+        path.write_text(json.dumps(notebook, ensure_ascii=False, indent=1), encoding="utf-8")
 
 
 def name_controls(page: HtmlElement) -> None:
@@ -155,17 +158,6 @@ def share_viewers(page: HtmlElement, book: Path, root: str) -> None:
             f"\nconst widget = {_FRONTS_MARK}['{name}']();{_STATE_MARK}{state}{_MODEL_MARK}{model}"
         )
         style.drop_tree()
-
-
-def strip_notebook(path: Path) -> None:
-    """Remove from an offered notebook what its page shows: figures and widgets."""
-    notebook: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    notebook["metadata"].pop("widgets", None)
-    for output in (one for cell in notebook["cells"] for one in cell.get("outputs", [])):
-        if data := output.get("data"):
-            kept = {kind: data[kind] for kind in data if kind in ("text/plain", "text/markdown")}
-            output["data"], output["metadata"] = kept or data, {}
-    path.write_text(json.dumps(notebook, ensure_ascii=False, indent=1), encoding="utf-8")
 
 
 MAX_LINEAR_DECADES = 1.7  # a scale that spans more is logarithmic
@@ -427,18 +419,12 @@ def _list_claims(page: Any) -> Iterator[SearchEntry]:
 
 
 def write_index(book: Path, pages: Mapping[str, list[SearchEntry]]) -> None:
-    """Write the entries of all pages, by address, as a script that sets a variable."""
+    """Write the entries of all pages, by address, as a script that sets a variable.
+
+    Figures, tables and equations of the thesis that have no entry of their own name follow them.
+    """
     rows = [(page, entry) for page, entries in sorted(pages.items()) for entry in entries]
-    rows += _list_thesis(pages)
-    texts = [[page, e.kind, e.places, e.title, e.text, e.picture] for page, e in rows]
-    text = json.dumps(texts, ensure_ascii=False, separators=(",", ":"))
-    (book / INDEX_FILE).write_text(f"window.thesisEntries={text};\n", encoding="utf-8")
-
-
-def _list_thesis(pages: Mapping[str, list[SearchEntry]]) -> Iterator[tuple[str, SearchEntry]]:
-    """Yield figures, tables and equations of the thesis that have no entry of their own name."""
-    index = "thesis-index.html"
-    named = {entry.title for entries in pages.values() for entry in entries}
+    named, index = {entry.title for _, entry in rows}, "thesis-index.html"
     for one in read_index() if index in pages else ():
         title = one.item.capitalize()
         if title in named:
@@ -448,4 +434,7 @@ def _list_thesis(pages: Mapping[str, list[SearchEntry]]) -> Iterator[tuple[str, 
         known = {place for entry in pages[page] for place in entry.places}
         places = [place for place in (anchor, f"equation-{anchor}") if place in known]
         text = f"In the thesis: {one.what}. {one.reason}".strip()
-        yield page, SearchEntry("thesis", places, title, text)
+        rows.append((page, SearchEntry("thesis", places, title, text)))
+    texts = [[page, e.kind, e.places, e.title, e.text, e.picture] for page, e in rows]
+    text = json.dumps(texts, ensure_ascii=False, separators=(",", ":"))
+    (book / INDEX_FILE).write_text(f"window.thesisEntries={text};\n", encoding="utf-8")

@@ -68,7 +68,12 @@ def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> 
             shutil.copytree(tables / cube.stem, book / DATA_FOLDER / cube.stem)
         for file in (tables / f"{cube.stem}.csv", cube):
             shutil.copyfile(file, book / DATA_FOLDER / file.name)
-    describe_book(book, made)
+    runs = [_describe_run(book, notebook, cube) for notebook, cube in made]
+    text = templates.render(
+        __file__, "ro-crate.json", runs=runs, profile=CRATE_PROFILE, license=LICENSE_ADDRESS
+    )
+    crate = json.dumps(json.loads(text), indent=1, ensure_ascii=False)
+    (book / CRATE_NAME).write_text(crate + "\n", encoding="utf-8")
     if report.is_file():
         shutil.copyfile(report, book / SAMPLE_REPORT)
 
@@ -111,16 +116,6 @@ CRATE_FILES = (  # address, format, meaning; the first is what was run
     (f"{DATA_FOLDER}/{{name}}.csv", "text/csv", "errors, as a table"),
     ("{page}.html", "text/html", "page of the book"),
 )
-
-
-def describe_book(book: Path, made: Iterable[tuple[Path, Path]]) -> None:
-    """Describe a rendered book by its runs: executed notebook and cube of each figure set."""
-    runs = [_describe_run(book, notebook, cube) for notebook, cube in made]
-    text = templates.render(
-        __file__, "ro-crate.json", runs=runs, profile=CRATE_PROFILE, license=LICENSE_ADDRESS
-    )
-    crate = json.dumps(json.loads(text), indent=1, ensure_ascii=False)
-    (book / CRATE_NAME).write_text(crate + "\n", encoding="utf-8")
 
 
 def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
@@ -181,27 +176,32 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
     """
     install_assets(root)
     source = run_sphinx(root, "html")
-    drop_old_images(source)
+    pages = (page.read_text(encoding="utf-8") for page in source.rglob("*.html"))
+    shown = {name for text in pages for name in _IMAGE_PATTERN.findall(text)}
+    for image in (source / "_images").glob("*"):  # Sphinx keeps those of earlier builds
+        if image.name not in shown:
+            image.unlink()
     html = root / "build" / "html"
     with staging(html.parent) as work:
         new = shutil.copytree(source, work / "html")
         for notebook, _ in made:  # those without a page of their own are offered, too
             shutil.copyfile(notebook, new / "_sources" / "executed" / notebook.name)
         finish_pages(new)
-        write_edition(root, new)
+        file = root / "CITATION.cff"  # for the dialog on citing, with the commit
+        cited = yaml.safe_load(file.read_text(encoding="utf-8")) if file.is_file() else {}
+        edition = {
+            "title": str(cited.get("title", "")),
+            "authors": ", ".join(str(one["name"]) for one in cited.get("authors", ())),
+            "version": str(cited.get("version", "")),
+            "date": str(cited.get("date-released", "")),
+            "commit": schema._commit(),
+        }
+        text = f"window.thesisEdition={json.dumps(edition, ensure_ascii=False)};\n"
+        (new / "_static" / "edition.js").write_text(text, encoding="utf-8")
         add_downloads(root, new, made)
         replace_folder(new, html)
     pack_book(html, root / "build" / f"{ARCHIVE_NAME}.zip")
     return html / "index.html"
-
-
-def drop_old_images(book: Path) -> None:
-    """Delete the images that no page shows any more; Sphinx keeps those of earlier builds."""
-    pages = (page.read_text(encoding="utf-8") for page in book.rglob("*.html"))
-    shown = {name for text in pages for name in _IMAGE_PATTERN.findall(text)}
-    for image in (book / "_images").glob("*"):
-        if image.name not in shown:
-            image.unlink()
 
 
 def run_sphinx(root: Path, builder: str) -> Path:
@@ -229,21 +229,6 @@ def run_sphinx(root: Path, builder: str) -> Path:
     found = [line.strip() for line in text.splitlines() if _WARNING_PATTERN.search(line)]
     lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
     raise web_page.BookError("\n".join(["the book was not rendered:", *lines]))
-
-
-def write_edition(root: Path, book: Path) -> None:
-    """Write what the dialog on citing says: ``CITATION.cff``, the commit and its date."""
-    file = root / "CITATION.cff"
-    cited = yaml.safe_load(file.read_text(encoding="utf-8")) if file.is_file() else {}
-    edition = {
-        "title": str(cited.get("title", "")),
-        "authors": ", ".join(str(one["name"]) for one in cited.get("authors", ())),
-        "version": str(cited.get("version", "")),
-        "date": str(cited.get("date-released", "")),
-        "commit": schema._commit(),
-    }
-    text = f"window.thesisEdition={json.dumps(edition, ensure_ascii=False)};\n"
-    (book / "_static" / "edition.js").write_text(text, encoding="utf-8")
 
 
 def install_assets(root: Path) -> Path:

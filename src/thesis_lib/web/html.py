@@ -47,17 +47,21 @@ def _build_environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"number": format_number, "frame": format_frame, "coded": format_code}
-    made.filters |= {"address": data_address, "scrolled": _let_scroll}
-    made.globals |= {"page_css": read_asset("page.css") + code_css(), "zip": zip}
+    made.filters |= {
+        "number": format_number,
+        "frame": lambda frame: Markup(frame.to_html(index=False, border=0, na_rep="—")),
+        "coded": format_code,
+        "address": data_address,
+        # Wide blocks of text can be scrolled, also by keyboard.
+        "scrolled": lambda body: Markup(str(body).replace("<pre>", '<pre tabindex="0">')),
+    }
+    light, dark = (  # colours of program text
+        HtmlFormatter(style=style, nobackground=True).get_style_defs(".highlight")
+        for style in ("xcode", "github-dark")
+    )
+    code_css = f"{light}\n@media (prefers-color-scheme: dark) {{\n{dark}\n}}"
+    made.globals |= {"page_css": read_asset("page.css") + code_css, "zip": zip}
     return made
-
-
-def code_css() -> str:
-    """Return the colours of program text, in light and dark pages."""
-    light = HtmlFormatter(style="xcode", nobackground=True).get_style_defs(".highlight")
-    dark = HtmlFormatter(style="github-dark", nobackground=True).get_style_defs(".highlight")
-    return f"{light}\n@media (prefers-color-scheme: dark) {{\n{dark}\n}}"
 
 
 def format_number(value: Any, form: str, scale: float = 1.0) -> str:
@@ -70,11 +74,6 @@ def format_number(value: Any, form: str, scale: float = 1.0) -> str:
     """
     number = scale * float(value)
     return "—" if np.isnan(number) else format(number, form)
-
-
-def format_frame(frame: Any) -> Markup:
-    """Return a table of pandas."""
-    return Markup(frame.to_html(index=False, border=0, na_rep="—"))
 
 
 def format_code(text: str) -> Markup:
@@ -93,11 +92,6 @@ def data_address(picture: Picture) -> str:
     kind, content = picture
     mime = "image/svg+xml" if kind == "svg" else f"image/{kind}"
     return f"data:{mime};base64,{base64.b64encode(content).decode()}"
-
-
-def _let_scroll(body: str) -> Markup:
-    """Let wide blocks of text scroll, also by keyboard."""
-    return Markup(str(body).replace("<pre>", '<pre tabindex="0">'))
 
 
 def write_pictures(folder: Path, pictures: Iterable[tuple[str, Picture]]) -> None:
