@@ -51,7 +51,7 @@ def median_ratio(values: Sequence[float], others: Sequence[float]) -> float:
     return statistics.median(a / b for a, b in zip(values, others, strict=True))
 
 
-def compare_contenders(run: Row) -> dict[str, Any]:
+def compare_contenders(run: Row) -> list[dict[str, Any]]:
     """Compare every contender's rate with the peers of its problem and with one core's limit.
 
     The fastest peer is neither of this project nor written for its benchmarks. A value is None if
@@ -75,34 +75,35 @@ def compare_contenders(run: Row) -> dict[str, Any]:
             "share": rate / row["limit"] if own else None,
         }
         rows.append({**row, **values})
-    return {"rows": rows}
+    return rows
 
 
-def compare_targets(run: Row) -> dict[str, Any]:
+AIMS = {
+    "linear": (NUMPY_ROW, False, "to_peer"),
+    "refined": (NUMPY_ROW, True, "to_ceres"),
+    "compiled": (COMPILED_ROW, True, "to_ceres"),
+    "share": (COMPILED_ROW, True, "share"),
+}
+"""What was aimed at: the contender, whether refined, and the value that is compared."""
+
+
+def compare_targets(run: Row) -> list[dict[str, Any]]:
     """Compare with what was aimed at, for each number of cameras."""
-    rows = compare_contenders(run)["rows"]
-    found = {(row["cameras"], row["name"], row["refined"]): row for row in rows}
-
-    def value_of(cameras: int, name: str, refined: bool, value: str) -> float | None:
-        return found.get((cameras, name, refined), {}).get(value)
-
-    counts = [
-        {
-            "cameras": n,
-            "linear": value_of(n, NUMPY_ROW, False, "to_peer"),
-            "refined": value_of(n, NUMPY_ROW, True, "to_ceres"),
-            "compiled": value_of(n, COMPILED_ROW, True, "to_ceres"),
-            "share": value_of(n, COMPILED_ROW, True, "share"),
+    found = {(row["cameras"], row["name"], row["refined"]): row for row in compare_contenders(run)}
+    return [
+        {"cameras": n}
+        | {
+            aim: found.get((n, name, fit), {}).get(value)
+            for aim, (name, fit, value) in AIMS.items()
         }
-        for n in sorted({row["cameras"] for row in rows})
+        for n in sorted({cameras for cameras, _, _ in found})
     ]
-    return {"counts": counts}
 
 
-def estimate_limits(run: Row) -> dict[str, Any]:
+def estimate_limits(run: Row) -> list[dict[str, Any]]:
     """Estimate the rates that arithmetic and traffic per point allow one core."""
     limits = run["limits"]
-    rows = [
+    return [
         {
             **row,
             "by_arithmetic": 1e3 * limits["peak"] / row["flops"],
@@ -111,22 +112,19 @@ def estimate_limits(run: Row) -> dict[str, Any]:
         for row in run["triangulation"]
         if row["name"] == NUMPY_ROW
     ]
-    return {"rows": rows}
 
 
-def compare_transfers(run: Row) -> dict[str, Any]:
+def compare_transfers(run: Row) -> list[dict[str, Any]]:
     """Compare the rates of the transfer from pistons to points with the first."""
     rows = run["rayleigh"]
     first = rows[0]["rates"]
-    return {
-        "rows": [
-            {**row, "rate": median_rate(row), "ratio": median_ratio(row["rates"], first)}
-            for row in rows
-        ]
-    }
+    return [
+        {**row, "rate": median_rate(row), "ratio": median_ratio(row["rates"], first)}
+        for row in rows
+    ]
 
 
-def plan_points(run: Row) -> dict[str, Any]:
+def plan_points(run: Row) -> list[dict[str, Any]]:
     """Plan time and memory of a thousand million refined points, at the measured rates."""
     rows = []
     for row in run["triangulation"]:
@@ -143,36 +141,34 @@ def plan_points(run: Row) -> dict[str, Any]:
                 "fed": read_bytes / (row["bytes"] * PLANNED_POINTS),
             }
             rows.append(values)
-    return {"rows": rows, "workers": WORKER_COUNTS}
+    return rows
 
 
-def compare_trackers(run: Row) -> dict[str, Any]:
+def compare_trackers(run: Row) -> list[dict[str, Any]]:
     """Compare trackers on the same frames with the library's."""
     rows = run["tracking"]["rows"]
     own = {row["film"]: row["milliseconds"] for row in rows if row["by"] == "thesis_lib"}
-    return {
-        "rows": [
-            {
-                **row,
-                "microseconds": 1e3 * statistics.median(row["milliseconds"]),
-                "ratio": median_ratio(row["milliseconds"], own[row["film"]]),
-            }
-            for row in rows
-        ]
-    }
+    return [
+        {
+            **row,
+            "microseconds": 1e3 * statistics.median(row["milliseconds"]),
+            "ratio": median_ratio(row["milliseconds"], own[row["film"]]),
+        }
+        for row in rows
+    ]
 
 
-def compare_films(run: Row) -> dict[str, Any]:
+def compare_films(run: Row) -> list[tuple[float, dict[str, str]]]:
     """Compare what films leave of a motion, by the pixels that it moves an image."""
     rows = run["compression"]["rows"]
-    films = list(dict.fromkeys(row["film"] for row in rows))
+    films = dict.fromkeys(row["film"] for row in rows)
     by = {(row["motion_px"], row["film"]): format_share(row["error"]) for row in rows}
     motions = sorted({row["motion_px"] for row in rows})
-    return {"films": films, "rows": [(px, [by[px, film] for film in films]) for px in motions]}
+    return [(px, {film: by[px, film] for film in films}) for px in motions]
 
 
-BENCHMARK_VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
-    "machine": ("machine", lambda run: {}),
+BENCHMARK_ROWS: dict[str, tuple[str, Callable[[Row], Sequence[Any]]]] = {
+    "machine": ("machine", lambda run: ()),
     "targets": ("triangulation", compare_targets),
     "comparison": ("triangulation", compare_contenders),
     "needs": ("triangulation", estimate_limits),
@@ -181,20 +177,21 @@ BENCHMARK_VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
     "tracking": ("tracking", compare_trackers),
     "compression": ("compression", compare_films),
 }
-"""By part of the page: the measurement that it needs, and what computes its values."""
+"""By part of the page: the measurement that it needs, and what computes its rows."""
 
 
 def tabulate_benchmarks(part: str, run: Row | None = None) -> str:
     """Fill in a part of the page from a run, by default the published one."""
     run = read_benchmarks() if run is None else run
-    needs, values = BENCHMARK_VALUES[part]
+    needs, rows_of = BENCHMARK_ROWS[part]
     if needs not in run:
         return NOT_YET
-    return render(__file__, f"benchmarks-{part}", run=run, **values(run))
+    rows = rows_of(run)
+    return render(__file__, f"benchmarks-{part}", run=run, rows=rows, workers=WORKER_COUNTS)
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_VALUES
+    f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_ROWS
 }
 
 

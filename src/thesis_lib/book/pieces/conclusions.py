@@ -1,10 +1,10 @@
 """Chapter 7: the values of its tables, the conclusions at equal pixels, and what came of wishes."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,7 +15,6 @@ from thesis_lib.book.pieces.factors import (
     FACTORS,
     MEAN_ERRORS,
     PLANE_ERRORS,
-    Factor,
     end_ratio,
     estimate_effects,
     fit_exponent,
@@ -246,6 +245,13 @@ def tabulate_costs(opened: Cubes) -> str:
             halving = None
             if name in ("closer", "finer", "more"):  # whose errors are a power of the factor
                 halving = 2 ** (-1 / float(np.median(one.exponents)))
+            end = 0 if name == "closer" else -1  # the best one
+            shares = [  # of marker images on the sensor
+                float(select_settings(opened[of], case, 1).sortby("value")["in_view"][end])
+                for group, of, cases, _ in factor.sources
+                if group == one.group and of in opened
+                for case in cases or list_cases(opened[of])
+            ]
             row = {
                 "conclusion": factor.conclusion,
                 "symbol": factor.symbol,
@@ -253,40 +259,21 @@ def tabulate_costs(opened: Cubes) -> str:
                 "ratio": np.median(one.ratios),
                 "factor": halving,
                 "pixels": {"finer": (halving or 0) ** 2, "more": halving}.get(name),
-                "visible": _visible_fraction(opened, one.group, factor),
+                "visible": min(shares),
             }
             rows.append(row)
     return render(__file__, "conclusions-costs", rows=rows)
 
 
-def _visible_fraction(opened: Cubes, group: str, factor: Factor) -> float:
-    """Return the least share of marker images on the sensor, at the best end of a factor."""
-    shares = []
-    for of, figure_set, cases, _ in factor.sources:
-        if of == group and figure_set in opened:
-            cube = opened[figure_set]
-            for case in cases or list_cases(cube):
-                part = select_settings(cube, case, 1).sortby("value")
-                shares.append(float(part["in_view"][0 if factor is FACTORS["closer"] else -1]))
-    return min(shares)
-
-
-@dataclass(frozen=True)
-class EqualPixels:
+class EqualPixels(NamedTuple):
     """Errors by the law in %, rms over markers and modes, at equal pixels."""
 
-    #: What is measured, and the growing array of the thesis
     structure: str
-    case: str
+    case: str  #: The growing array of the thesis
     n_cameras: int  #: All cameras of the case
-    #: Error of all of them, and of the best of its pairs with as many pixels
-    array: float
-    pair: float
-
-    @property
-    def ratio(self) -> float:
-        """The pair's error over the array's."""
-        return self.pair / self.array
+    array: float  #: Error of all of them
+    pair: float  #: Of the best of its pairs with as many pixels
+    ratio: float  #: The pair's over the array's
 
 
 def equal_pixels() -> Iterator[EqualPixels]:
@@ -306,7 +293,7 @@ def equal_pixels() -> Iterator[EqualPixels]:
             pairs = [directions[i : i + 2] for i in range(0, n, 2)]
             array = _predict_error(whole, directions, 1, points)
             best = min(_predict_error(whole, pair, np.sqrt(n / 2), points) for pair in pairs)
-            yield EqualPixels(name, case, n, array, best)
+            yield EqualPixels(name, case, n, array, best, best / array)
 
 
 def _predict_error(
@@ -343,27 +330,11 @@ def tabulate_equal_pixels(_: Cubes) -> str:
 
 def tabulate_wishes(opened: Cubes) -> str:
     """Tabulate what came of the wishes of sections 5.3 and 7.1, in a number each."""
-
-    def value_of(name: str, compute: Callable[..., Any], **given: Any) -> Any:
-        cube = opened.get(name)
-        return None if cube is None else compute(cube, **given)
-
-    return render(
-        __file__,
-        "conclusions-wishes",
-        distances=value_of("lab-layout", _case_errors, case="distance"),
-        apertures=value_of("lab-layout", _case_errors, case="aperture"),
-        elevations=_find_optimum(opened),
-        pairs=value_of("experiment-cameras", _compare_pairs),
-        sets=value_of("lab-layout", _compare_sets),
-        coarse=value_of("lab-equal-pixels", _last_settings),
-        modes=value_of("lab-modes", _mode_errors),
-        torsion=value_of("lab-modes", _read_torsion),
-        plate=value_of("lab-plate", _change_ratios, quantities=MEAN_ERRORS),
-        plate_sound=value_of("lab-plate", _change_ratios, quantities=PLANE_ERRORS),
-        ledger=value_of("claims", _symmetry_entry),
-        shape=value_of("shape-l", _case_errors, case="4e"),
-    )
+    values = {
+        name: None if (cube := opened.get(of)) is None else compute(cube)
+        for name, (of, compute) in WISHES.items()
+    }
+    return render(__file__, "conclusions-wishes", elevations=_find_optimum(opened), **values)
 
 
 def _case_errors(cube: xr.Dataset, case: str) -> dict[str, Any]:
@@ -395,17 +366,17 @@ def _last_settings(cube: xr.Dataset) -> list[xr.Dataset]:
     return [select_settings(cube, case, 1).isel(setting=-1) for case in list_cases(cube)]
 
 
-def _mode_errors(cube: xr.Dataset) -> dict[str, Any]:
+def _read_modes(cube: xr.Dataset) -> dict[str, Any]:
+    """Return the error of each mode in the first setting, and the torsion in the last mode."""
     modes = cube["mode"].values.tolist()
-    errors = [(mode, error_bars(cube, "known", mode).band[1][0]) for mode in modes]
-    return {"errors": errors, "label": select_settings(cube, "known", modes[-1])["label"].values[0]}
-
-
-def _read_torsion(cube: xr.Dataset) -> dict[str, Any]:
-    mode = int(cube["mode"].values[-1])
-    std = select_settings(cube, "known", mode)["torsion_standard_error"].values[0]
-    size = float(cube["torsion_reference"])
-    return {"mode": mode, "size_um": 1e6 * size, "std_um": 1e6 * float(std)}
+    last = select_settings(cube, "known", modes[-1]).isel(setting=0)
+    return {
+        "errors": [(mode, error_bars(cube, "known", mode).band[1][0]) for mode in modes],
+        "label": last["label"].item(),
+        "last": modes[-1],
+        "torsion_um": 1e6 * float(cube["torsion_reference"]),
+        "std_um": 1e6 * float(last["torsion_standard_error"]),
+    }
 
 
 def _change_ratios(cube: xr.Dataset, quantities: tuple[str, ...]) -> list[tuple[str, float]]:
@@ -425,6 +396,21 @@ def _change_ratios(cube: xr.Dataset, quantities: tuple[str, ...]) -> list[tuple[
 def _symmetry_entry(cube: xr.Dataset) -> ledger.Entry:
     (entry,) = [e for e in ledger.from_cube(cube) if e.id == "ch3-concluding-t8"]
     return entry
+
+
+WISHES: dict[str, tuple[str, Callable[[xr.Dataset], Any]]] = {
+    "distances": ("lab-layout", partial(_case_errors, case="distance")),
+    "apertures": ("lab-layout", partial(_case_errors, case="aperture")),
+    "pairs": ("experiment-cameras", _compare_pairs),
+    "sets": ("lab-layout", _compare_sets),
+    "coarse": ("lab-equal-pixels", _last_settings),
+    "modes": ("lab-modes", _read_modes),
+    "plate": ("lab-plate", partial(_change_ratios, quantities=MEAN_ERRORS)),
+    "plate_sound": ("lab-plate", partial(_change_ratios, quantities=PLANE_ERRORS)),
+    "ledger": ("claims", _symmetry_entry),
+    "shape": ("shape-l", partial(_case_errors, case="4e")),
+}
+"""By its name in the table: the figure set that answers a wish, and what reads its cube."""
 
 
 PIECES: dict[str, Callable[[Cubes], str]] = {

@@ -10,14 +10,13 @@ cube carries (for simulations the first-order law of rounding). An :class:`Effec
 curves of one group, and one figure shows all of them.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
@@ -25,7 +24,7 @@ from matplotlib.ticker import StrMethodFormatter
 from thesis_lib import files
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Cubes
-from thesis_lib.facts.claims import Claim, Trend
+from thesis_lib.facts.claims import Trend
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.ledger.trends import Finding, judge_trend
 from thesis_lib.ledger.verdicts import UNCHANGED, Series
@@ -158,7 +157,14 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
             if len(finite) < 2 or not errors.shape[1]:
                 continue
             order = finite[np.argsort(values[finite], kind="stable")]
-            claims = claimed_errors(cube, case, mode, quantity)
+            claimed = np.array(  # the middle of what is claimed, unless that is a bound
+                [
+                    (claim.low + claim.high) / 2
+                    if claim and claim.values and None not in claim.ends
+                    else float("nan")
+                    for claim in claimed_errors(cube, case, mode, quantity)
+                ]
+            )
             yield Curve(
                 group,
                 case,
@@ -167,17 +173,10 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
                 values[order],
                 errors[order],
                 cubes.predicted_value(part, quantity).values.astype(float)[order],
-                np.array([_read_claimed_value(claim) for claim in claims])[order],
+                claimed[order],
                 float(elevations[0]),
                 len(values) - len(order),
             )
-
-
-def _read_claimed_value(claim: Claim | None) -> float:
-    """Return the middle of what is claimed; NaN of a bound, or if nothing is."""
-    if claim is None or not claim.values or None in claim.ends:
-        return float("nan")
-    return (claim.low + claim.high) / 2
 
 
 def fit_exponent(x: Array, y: Array) -> float:
@@ -248,18 +247,17 @@ def estimate_effects(opened: Cubes, factor: Factor) -> list[Effect]:
 def _estimate_effect(group: str, curves: list[Curve], factor: Factor) -> Effect:
     findings = [curve.judge_trend(factor.better) for curve in curves]
     against = [curve.judge_trend(-factor.better) for curve in curves]
-    bases = [np.cos(np.radians(c.values)) if factor.by_elevation else c.values for c in curves]
     low, high = (float(end(end(c.values) for c in curves)) for end in (min, max))
     claimed = np.array([end_ratio(c.claimed, factor.better) for c in curves])
+    bases = [np.cos(np.radians(c.values)) if factor.by_elevation else c.values for c in curves]
+    rms, predicted = [c.rms for c in curves], [c.predicted for c in curves]
     return Effect(
         group=group,
         ends=(low, high) if factor.better > 0 else (high, low),
-        ratios=np.array([end_ratio(c.rms, factor.better) for c in curves]),
+        ratios=np.array([end_ratio(errors, factor.better) for errors in rms]),
         claimed=claimed[np.isfinite(claimed)],
-        exponents=np.array([fit_exponent(x, c.rms) for x, c in zip(bases, curves, strict=True)]),
-        predicted=np.array(
-            [fit_exponent(x, c.predicted) for x, c in zip(bases, curves, strict=True)]
-        ),
+        exponents=np.array([*map(fit_exponent, bases, rms)]),
+        predicted=np.array([*map(fit_exponent, bases, predicted)]),
         confident=sum(f.verdict == "agrees" for f in findings),
         opposite=sum(f.verdict == "agrees" for f in against),
         unchanged=sum(f.verdict == UNCHANGED for f in findings),
@@ -298,10 +296,20 @@ def draw_summary(opened: Cubes) -> Figure:
     A line is one case, the geometric mean over modes and planes of the rms over the trials; a
     diamond is one figure that the thesis states.
     """
+    thin: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
     with in_style():
         drawing, panels = subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
         for axes, factor in zip(panels, FACTORS.values(), strict=True):
-            _draw_curves(axes, list(read_curves(opened, factor)))
+            by: dict[tuple[str, str], list[Curve]] = {}
+            for curve in read_curves(opened, factor):
+                by.setdefault((curve.group, curve.case), []).append(curve)
+                color = PANEL_GROUPS[curve.group.partition(",")[0]]
+                axes.plot(curve.values, curve.claimed, color=color, **thin, **CLAIM_MARK)
+            for (group, _), alike in by.items():
+                mean = np.exp(np.mean([np.log(curve.rms) for curve in alike], axis=0))
+                subject, _, rendered = group.partition(",")
+                line = {"color": PANEL_GROUPS[subject], "linewidth": 1.2, "markersize": 4}
+                axes.plot(alike[0].values, mean, ".--" if rendered else ".-", **line)
             axes.set_title(factor.panel)
             make_logarithmic(axes.xaxis, factor.ticks)
             if factor.better < 0:  # to the right is what should measure better
@@ -317,21 +325,6 @@ def draw_summary(opened: Cubes) -> Figure:
         spacing: dict[str, Any] = {"ncols": 3, "columnspacing": 1.2, "handlelength": 1.8}
         drawing.legend(handles=handles, loc="outside lower center", **spacing)
     return drawing
-
-
-def _draw_curves(axes: Axes, found: Sequence[Curve]) -> None:
-    """Draw what is claimed of each curve, and the geometric mean of the curves of each case."""
-    thin: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
-    by: dict[tuple[str, str], list[Curve]] = {}
-    for curve in found:
-        by.setdefault((curve.group, curve.case), []).append(curve)
-        color = PANEL_GROUPS[curve.group.partition(",")[0]]
-        axes.plot(curve.values, curve.claimed, color=color, **thin, **CLAIM_MARK)
-    for (group, _), alike in by.items():
-        mean = np.exp(np.mean([np.log(curve.rms) for curve in alike], axis=0))
-        subject, _, rendered = group.partition(",")
-        style, color = ".--" if rendered else ".-", PANEL_GROUPS[subject]
-        axes.plot(alike[0].values, mean, style, color=color, linewidth=1.2, markersize=4)
 
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
