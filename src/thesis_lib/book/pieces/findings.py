@@ -67,6 +67,14 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
             "median_std_percent": np.median(std),
             "max_std_percent": np.max(std),
         }
+    scatters = []  # of centres, that would give what the thesis states of a first setting
+    for cube in chapter if subject == "experiment" else ():
+        if claim := claimed_errors(cube, "matched", 1)[0]:
+            by = {m: select_settings(cube, m, 1).isel(setting=0) for m in ("matched", "literal")}
+            scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
+            wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
+            label = by["literal"]["label"].item()
+            scatters.append(scatter | {"wanted": wanted, "stated": claim.stated, "label": label})
     return render(
         __file__,
         "chapter",
@@ -85,7 +93,7 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
         totals=[[inside for _, of, inside in met if of == kind] for kind in kinds],
         missed=[one for _, _, one in met] if subject == "beam" else None,
         law=law,
-        scatters=_explain_scatter(chapter) if subject == "experiment" else [],
+        scatters=scatters,
     )
 
 
@@ -119,19 +127,6 @@ def _check_claims(chapter: Sequence[xr.Dataset]) -> Iterator[tuple[str, str, boo
             yield name, cubes.SHORT_LABELS[check.claim.quantity], check.inside
 
 
-def _explain_scatter(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
-    """Estimate the scatter of centres that would give what the thesis states of a first setting."""
-    found = []
-    for cube in chapter:
-        by = {m: select_settings(cube, m, 1).isel(setting=0) for m in ("matched", "literal")}
-        if claim := claimed_errors(cube, "matched", 1)[0]:
-            scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
-            wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
-            label = by["literal"]["label"].item()
-            found.append(scatter | {"wanted": wanted, "stated": claim.stated, "label": label})
-    return found
-
-
 def relative_rms_std(squared: xr.DataArray) -> Array:
     """Return the relative standard error of the rms over trials, from squared errors (…, trial)."""
     n = squared.sizes["trial"]
@@ -141,13 +136,12 @@ def relative_rms_std(squared: xr.DataArray) -> Array:
 def describe_repeats(opened: Cubes) -> str:
     """Describe how many other recordings the bands are over, and where the first lies in them."""
     rows = []
-    for name in (one for one, study in STUDIES.items() if issubclass(study, Repeated)):
-        error = opened[name]["mean_error"].transpose("trial", ...).values
+    for study in (one for one in STUDIES.values() if issubclass(one, Repeated)):
+        error = opened[study.name]["mean_error"].transpose("trial", ...).values
         error = error[:, np.isfinite(error).all(axis=0)]
         first, others = error[0], error[1:]
         row = {
-            "title": STUDIES[name].title,
-            "name": name,
+            "study": study,
             "others": len(others),
             "scatter": np.median(others.std(0) / others.mean(0)),
             "above": np.mean(first > others.max(0)),
@@ -185,7 +179,9 @@ def tabulate_sound_layouts(opened: Cubes) -> str:
     times: dict[float, list[float]] = {1.0: [], 0.0: []}  # by the share that stands square
     for cube in chapter:
         for case in list_cases(cube):
-            square = _square_share(select_settings(cube, case, pairs[0][0]))
+            azimuth = select_settings(cube, case, pairs[0][0])["camera_azimuth"].values
+            off = np.abs((azimuth + 45) % 90 - 45)  # from a multiple of 90°
+            square = np.nanmean(np.where(np.isnan(azimuth), np.nan, off < 1e-6), axis=1)
             cells = []
             for (mode, plane), alone in zip(pairs, free, strict=True):
                 part = select_settings(cube, case, mode).sel(plane=plane)
@@ -205,13 +201,6 @@ def tabulate_sound_layouts(opened: Cubes) -> str:
         square=spreads[0],
         oblique=spreads[1],
     )
-
-
-def _square_share(part: xr.Dataset) -> Array:
-    """Return the share of each setting's cameras whose azimuth is a multiple of 90°."""
-    azimuth = part["camera_azimuth"].values
-    off = np.abs((azimuth + 45) % 90 - 45)
-    return np.nanmean(np.where(np.isnan(azimuth), np.nan, off < 1e-6), axis=1)
 
 
 def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
@@ -310,30 +299,25 @@ def describe_shapes(opened: Cubes) -> str:
 def describe_planner(opened: Cubes) -> str:
     """Describe what planning gains over the best of the thesis's layouts."""
     cube = opened["planner"]
-    gains = []
+    gains = {}
     for body, question in THESIS_QUESTIONS.items():
         own = cube["thesis_expected"].sel(structure=body).min("thesis_case").values
         planned = coarse_options(cube, question)["expected_error"].values
-        gain = 100 * (1 - planned[: len(own)] / own)
-        gains.append({"name": body, "first": gain[0], "last": gain[-1]})
+        gains[body] = 100 * (1 - planned[: len(own)] / own)
     counts, readable = cube["count"].values.astype(int), with_readable(cube)
     return render(__file__, "planner-result", gains=gains, counts=counts, readable=readable)
 
 
 def tabulate_advice(opened: Cubes) -> str:
     """Tabulate the five pieces of advice: what they bring, and whether they hold."""
-    rows = []
-    for name, advice in ADVICE_TRENDS.items():
-        by = {
-            one.group: {
-                "median": np.median(one.ratios),
-                "confident": one.confident,
-                "ratios": one.ratios,
-            }
-            for one in estimate_effects(opened, FACTORS[name])
-        }
-        rows.append({"advice": advice, "by": by})
-    groups = [group for group in FINDING_GROUPS if any(group in row["by"] for row in rows)]
+    rows = [
+        (
+            advice,
+            {e.group: (np.median(e.ratios), e) for e in estimate_effects(opened, FACTORS[name])},
+        )
+        for name, advice in ADVICE_TRENDS.items()
+    ]
+    groups = [group for group in FINDING_GROUPS if any(group in by for _, by in rows)]
     return render(__file__, "conclusions-result", rows=rows, groups=groups)
 
 
