@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
@@ -40,20 +39,17 @@ VARIED: dict[str, tuple[str, tuple[float, ...], tuple[str, ...]]] = {
 }
 
 
-def densify_law(cube: xr.Dataset, parameters: tuple[str, ...]) -> xr.Dataset:
-    """Return the study of a cube with many settings from its first to its last, without trials."""
-    asked = json.loads(cube.attrs["parameters"])
-    for name in parameters:
-        ends = np.linspace(min(asked[name]), max(asked[name]), LAW_SETTINGS)
-        asked[name] = (np.rint(ends).astype(int) if name == "widths_px" else ends).tolist()
-    return compute.run(camera_study(cube.attrs["figure_set"], asked | {"trials": 0, "cube": ""}))
-
-
 def draw_varied(of: str, cube: xr.Dataset) -> Figure:
     """Draw the mean error over what is varied: rms and band of the trials, and the law."""
     drawing, axes = style.subplots(figsize=(5.2, 3.2))  # to be read on a phone
     cases, (label, ticks, parameters) = list_cases(cube), VARIED[of]
-    fine = densify_law(cube, parameters) if parameters else None
+    fine = None
+    if parameters:  # the same study with many settings from its first to its last
+        asked = json.loads(cube.attrs["parameters"]) | {"trials": 0, "cube": ""}
+        for name in parameters:
+            ends = np.linspace(min(asked[name]), max(asked[name]), LAW_SETTINGS)
+            asked[name] = (np.rint(ends).astype(int) if name == "widths_px" else ends).tolist()
+        fine = compute.run(camera_study(cube.attrs["figure_set"], asked))
     for i, case in enumerate(cases):
         part = select_settings(cube, case, DRAWN_MODE)
         bars, order = error_bars(cube, case, DRAWN_MODE), np.argsort(part["value"].values)
@@ -81,14 +77,9 @@ def draw_elevations(cube: xr.Dataset) -> Figure:
     for i, case in enumerate(list_cases(cube)):
         part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
         low, median, high = bars.band
-        look = {
-            "fmt": "osD^v"[i] + "-",
-            "color": style.cycle_color(i),
-            "markersize": 4,
-            "linewidth": 1,
-        }
-        bounds = [median - low, high - median]
-        axes.errorbar(part["value"], median, bounds, label=case.replace("-", " "), **look)
+        bounds, words = [median - low, high - median], case.replace("-", " ")
+        look = {"fmt": "osD^v"[i] + "-", "color": style.cycle_color(i), "ms": 4, "linewidth": 1}
+        axes.errorbar(part["value"], median, bounds, label=words, **look)
     style.make_logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5])
     axes.set(xlabel="elevation in °", ylabel="mean error, %", xlim=(0, None))
     axes.legend()
@@ -100,11 +91,8 @@ def draw_distances(cube: xr.Dataset) -> Figure:
     drawing, panels = style.subplots(1, 2, figsize=(7.2, 2.8), sharey=True)
     for axes, case, unit in zip(panels, ("distance", "aperture"), ("mm", "°"), strict=True):
         part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
-        values, rms, law = (
-            part["value"].values,
-            trial_rms(part["mean_error"]),
-            "law, one noise for all",
-        )
+        values, law = part["value"].values, "law, one noise for all"
+        rms = trial_rms(part["mean_error"])
         axes.vlines(values, bars.band[0], bars.band[2], color=style.BLUE)
         axes.plot(values, rms, "o", color=style.BLUE, label="rendered frames")
         axes.plot(values, bars.predicted, "_", color=style.INK_COLOR, markersize=14, label=law)
@@ -123,10 +111,8 @@ def draw_few_frames(cube: xr.Dataset) -> Figure:
     for axes, mode in zip(panels[0], modes, strict=True):
         for i, case in enumerate(list_cases(cube)):
             part, bars = select_settings(cube, case, mode), error_bars(cube, case, mode)
-            mark = "osD^"[i] + ("--" if case == "known" else "-")
-            axes.plot(
-                part["value"], bars.band[1], mark, color=style.cycle_color(i), ms=4, label=case
-            )
+            mark, ink = "osD^"[i] + ("--" if case == "known" else "-"), style.cycle_color(i)
+            axes.plot(part["value"], bars.band[1], mark, color=ink, ms=4, label=case)
         style.log_axes(axes, cube["frame_rate"].values, [0.1, 0.3, 1, 3, 10, 30])
         axes.set(title=f"mode {mode}", xlabel="frames per second")
     panels[0][0].set_ylabel("mean error, %")
@@ -239,18 +225,13 @@ def draw_rates() -> Figure:
     return drawing
 
 
-def _mode_label(structure: structures.Structure, mode: int) -> str:
-    hertz = structure.angular_frequencies(mode)[-1] / (2 * np.pi)
-    return f"mode {mode}: {hertz:.4g} Hz"
-
-
 def draw_beam_modes() -> Figure:
     """Draw the three shapes of the beam that are measured, each marker a dot."""
     beam = setups.thesis_beam()
     drawing, axes = style.subplots(figsize=(6.4, 2.4))
-    for i, mode in enumerate((1, 2, 3)):
-        w = deflection_shape(beam, mode, beam.markers, peak=1.0)
-        label = _mode_label(beam, mode)
+    for i, omega in enumerate(beam.angular_frequencies(3)):
+        w = deflection_shape(beam, i + 1, beam.markers, peak=1.0)
+        label = f"mode {i + 1}: {omega / (2 * np.pi):.4g} Hz"
         axes.plot(1000 * beam.markers[0], w, ".-", color=style.cycle_color(i), label=label)
     axes.axhline(0, color=style.REFERENCE_COLOR, linewidth=1)
     axes.set(xlabel="x in mm, from the clamp", ylabel="deflection, of its peak")
@@ -264,9 +245,9 @@ def draw_plate_modes() -> Figure:
     x, y = (np.unique(np.round(each, 9)) * 1000 for each in plate.markers)
     drawing, axes = style.subplots(1, 3, figsize=(7.2, 2.0), sharey=True)
     maps = []
-    for mode in (1, 2, 3):
+    for mode, omega in enumerate(plate.angular_frequencies(3), 1):
         w = deflection_shape(plate, mode, plate.markers, peak=1.0).reshape(y.size, x.size)
-        maps.append((_mode_label(plate, mode), w, 1.0))
+        maps.append((f"mode {mode}: {omega / (2 * np.pi):.4g} Hz", w, 1.0))
     pictures = style.draw_maps(axes, maps, x, y, "xy")
     drawing.colorbar(pictures[-1], ax=axes, label="of the peak", shrink=0.9)
     return drawing
@@ -290,7 +271,10 @@ def draw_alias() -> Figure:
 
 
 def draw_cases() -> Figure:
-    """Draw every case of Tables 3.3 and 3.4 from above, each setting in a colour of its own."""
+    """Draw every case of Tables 3.3 and 3.4 from above, each setting in a colour of its own.
+
+    In a growing set each camera stands where it comes in.
+    """
     found: dict[str, list[setups.Setting]] = {}
     for one in map(camera_study, CAMERA_STUDIES):
         if one.subject == "beam":
@@ -300,29 +284,24 @@ def draw_cases() -> Figure:
     figure.subplots_adjust(0.02, 0.01, 0.98, 0.95, hspace=0.15)
     for axes, (case, settings) in zip(grid.flat, sorted(found.items()), strict=True):
         axes.set_title(f"{case}: {_range_words(settings)}", fontsize=8)
-        _draw_from_above(axes, settings)
+        far = max(setting.distance_mm for setting in settings)
+        for elevation in (0, 30, 60):
+            rim = Circle((0, 0), np.cos(np.radians(elevation)), fill=False, ec="#d4d4d4", lw=0.6)
+            axes.add_patch(rim)
+        ends = np.array([-500, 500]) * setups.thesis_beam().length / far
+        axes.plot(ends, [0, 0], color=style.REFERENCE_COLOR, lw=3, solid_capstyle="butt")
+        first: dict[tuple[float, ...], int] = {}  # by camera, the setting in which it comes in
+        for i, setting in enumerate(settings):
+            for direction in setting.directions_deg:
+                first.setdefault((*direction, setting.distance_mm), i)
+        for place, i in first.items():
+            azimuth, elevation = np.radians(place[:2])
+            radius = np.cos(elevation) * place[2] / far
+            x, y = radius * np.sin(azimuth), radius * np.cos(azimuth)
+            axes.plot(x, y, "o", ms=4, color=style.cycle_color(i))
+        axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), aspect="equal")
+        axes.set_axis_off()
     return figure
-
-
-def _draw_from_above(axes: Axes, settings: list[setups.Setting]) -> None:
-    """Draw the cameras of a case around the beam; in a growing set each where it comes in."""
-    far = max(setting.distance_mm for setting in settings)
-    for elevation in (0, 30, 60):
-        rim = Circle((0, 0), np.cos(np.radians(elevation)), fill=False, ec="#d4d4d4", lw=0.6)
-        axes.add_patch(rim)
-    length = setups.thesis_beam().length * 500 / far
-    axes.plot([-length, length], [0, 0], color=style.REFERENCE_COLOR, lw=3, solid_capstyle="butt")
-    first: dict[tuple[float, ...], int] = {}  # by camera, the setting in which it comes in
-    for i, setting in enumerate(settings):
-        for direction in setting.directions_deg:
-            first.setdefault((*direction, setting.distance_mm), i)
-    for place, i in first.items():
-        azimuth, elevation = np.radians(place[:2])
-        radius = np.cos(elevation) * place[2] / far
-        x, y = radius * np.sin(azimuth), radius * np.cos(azimuth)
-        axes.plot(x, y, "o", ms=4, color=style.cycle_color(i))
-    axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), aspect="equal")
-    axes.set_axis_off()
 
 
 def _range_words(settings: list[setups.Setting]) -> str:
