@@ -54,27 +54,20 @@ def tabulate_factor(name: str, opened: Cubes) -> str:
     factor = FACTORS[name]
     effects = []
     for one in estimate_effects(opened, factor):
-        against = {
-            "opposite": one.opposite,
-            UNCHANGED: one.unchanged,
-            "not monotonic": one.not_monotonic,
-        }
-        texts = [f"{number} {word}" for word, number in against.items() if number]
+        numbers = one.opposite, one.unchanged, one.not_monotonic
+        against = zip(numbers, ("opposite", UNCHANGED, "not monotonic"), strict=True)
+        texts = [f"{number} {word}" for number, word in against if number]
         effects.append({"effect": one, "predicted": np.median(one.predicted), "against": texts})
     pair: dict[float, float] = {}
-    if name == "wider":
-        for curve in read_curves(opened, factor):
-            angles = np.radians(curve.values), np.radians(curve.elevation)
-            pair[curve.elevation] = end_ratio(pair_noise_error(1, 1, *angles), 1)
-    return render(
-        __file__,
-        "conclusions-factor",
-        factor=factor,
-        effects=effects,
-        optimum=_find_optimum(opened) if name == "lower" else None,
-        pair=sorted(pair.items()),
-        motion_percent=100 * MAX_MOTION_FRACTION,
-    )
+    for curve in read_curves(opened, factor) if name == "wider" else ():
+        angles = np.radians(curve.values), np.radians(curve.elevation)
+        pair[curve.elevation] = end_ratio(pair_noise_error(1, 1, *angles), 1)
+    values = {
+        "optimum": _find_optimum(opened) if name == "lower" else None,
+        "pair": sorted(pair.items()),
+        "motion_percent": 100 * MAX_MOTION_FRACTION,
+    }
+    return render(__file__, "conclusions-factor", factor=factor, effects=effects, **values)
 
 
 def _find_optimum(opened: Cubes) -> dict[str, Any] | None:
@@ -172,17 +165,8 @@ def correlate_sound(opened: Cubes) -> str:
             "exponents": slopes,
         }
         rows.append(row)
-    held, curves = sound_trends(opened)
-    aperture_held, aperture_curves = sound_trends(opened, "wider")
-    return render(
-        __file__,
-        "conclusions-sound",
-        rows=rows,
-        held=held,
-        curves=curves,
-        aperture_held=aperture_held,
-        aperture_curves=aperture_curves,
-    )
+    trends = {"all": sound_trends(opened), "aperture": sound_trends(opened, "wider")}
+    return render(__file__, "conclusions-sound", rows=rows, trends=trends)
 
 
 def tabulate_sound_errors(opened: Cubes) -> str:
@@ -317,15 +301,13 @@ def _predict_error(
 def tabulate_equal_pixels(_: Cubes) -> str:
     """Tabulate arrays and pairs at equal pixels."""
     found = list(equal_pixels())
-    return render(
-        __file__,
-        "conclusions-pixels",
-        found=found,
-        worse=[one for one in found if one.ratio > 1 + MIN_MATERIAL_FALL],
-        better=sum(one.ratio < 1 - MIN_MATERIAL_FALL for one in found),
-        material=MIN_MATERIAL_FALL,
-        median=np.median([one.ratio for one in found]),
-    )
+    summary = {
+        "worse": [one for one in found if one.ratio > 1 + MIN_MATERIAL_FALL],
+        "better": sum(one.ratio < 1 - MIN_MATERIAL_FALL for one in found),
+        "material": MIN_MATERIAL_FALL,
+        "median": np.median([one.ratio for one in found]),
+    }
+    return render(__file__, "conclusions-pixels", found=found, **summary)
 
 
 def tabulate_wishes(opened: Cubes) -> str:
@@ -345,13 +327,11 @@ def _case_errors(cube: xr.Dataset, case: str) -> dict[str, Any]:
 def _compare_pairs(cube: xr.Dataset) -> dict[str, Any]:
     """Return the best and the worst pair of the experiment's cameras, and the error of all."""
     part = select_settings(cube, "literal-all", 1)
-    error = error_bars(cube, "literal-all", 1).band[1]
-    pairs = np.flatnonzero(part["n_cameras"].values == 2)
-    ends = {"best": pairs[np.argmin(error[pairs])], "worst": pairs[np.argmax(error[pairs])]}
-    labels = part["label"].values
-    found = {name: {"error": error[i], "label": labels[i]} for name, i in ends.items()}
-    whole = error[np.argmax(part["n_cameras"].values)]
-    return {"sets": len(error), "all": whole, **found}
+    error, counts = error_bars(cube, "literal-all", 1).band[1], part["n_cameras"].values
+    pairs, labels = (values[counts == 2] for values in (error, part["label"].values))
+    which = {"best": np.argmin(pairs), "worst": np.argmax(pairs)}
+    ends = {name: (pairs[i], labels[i]) for name, i in which.items()}
+    return {"sets": len(error), "all": error[np.argmax(counts)], **ends}
 
 
 def _compare_sets(cube: xr.Dataset) -> dict[str, Any]:

@@ -165,17 +165,13 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
                     for claim in claimed_errors(cube, case, mode, quantity)
                 ]
             )
+            predicted = cubes.predicted_value(part, quantity).values.astype(float)
+            lost, elevation = len(values) - len(order), float(elevations[0])
+            values, errors, predicted, claimed = (
+                one[order] for one in (values, errors, predicted, claimed)
+            )
             yield Curve(
-                group,
-                case,
-                quantity,
-                mode,
-                values[order],
-                errors[order],
-                cubes.predicted_value(part, quantity).values.astype(float)[order],
-                claimed[order],
-                float(elevations[0]),
-                len(values) - len(order),
+                group, case, quantity, mode, values, errors, predicted, claimed, elevation, lost
             )
 
 

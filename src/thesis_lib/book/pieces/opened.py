@@ -33,12 +33,6 @@ def write_texts(folder: Path, pieces: Mapping[str, Callable[[], str]]) -> None:
         whole_text(folder / f"{name}.md", piece())
 
 
-def describe_missing(names: Iterable[str]) -> str:
-    """Return the words in place of numbers that some figure sets should have given."""
-    sets = ", ".join(f"`{name}`" for name in sorted(names))
-    return f"*Missing here, since it did not run: {sets}. `thesis book` adds it once it does.*\n"
-
-
 def build_failure_page(source: Path, name: str, reason: str) -> Any:
     """Return a notebook for the page of a figure set that failed, from the parameterised one.
 
@@ -152,7 +146,19 @@ def find_figure_names(pages: Iterable[Path]) -> list[str]:
 
 def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> None:
     """Write each wanted figure into `folder`: its SVG, and what a page includes."""
-    found = {name: one for notebook in notebooks for name, one in _read_figures(notebook)}
+    found = {}
+    for notebook in notebooks:
+        for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
+            about = cell["metadata"].get("mystnb", {})
+            shown = [output.get("data", {}) for output in cell.get("outputs", [])]
+            drawn = next((one["image/svg+xml"] for one in shown if "image/svg+xml" in one), None)
+            if "figure" in about and drawn is not None:
+                found[about["figure"]["name"]] = {
+                    "alt": about.get("image", {}).get("alt", ""),
+                    "set": notebook.stem,
+                    "picture": "".join(drawn),
+                    "caption": about["figure"]["caption"],
+                }
     for name in wanted:
         picture, words = folder / f"{name}.svg", folder / f"{name}.md"
         if figure := found.get(name):
@@ -178,14 +184,3 @@ def write_provenance(notebook: Path, folder: Path) -> None:
     block = block.replace("../", "").replace(_DOWNLOADS_MARK, own + _DOWNLOADS_MARK, 1)
     text = f"{raw}(data-of-{notebook.stem})=\n## Data and provenance\n\n{found}{block}\n"
     whole_text(folder / f"provenance-{notebook.stem}.md", text)
-
-
-def _read_figures(notebook: Path) -> Iterator[tuple[str, dict[str, str]]]:
-    for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
-        about = cell["metadata"].get("mystnb", {})
-        shown = [output.get("data", {}) for output in cell.get("outputs", [])]
-        picture = next((one["image/svg+xml"] for one in shown if "image/svg+xml" in one), None)
-        if "figure" in about and picture is not None:
-            words = {"alt": about.get("image", {}).get("alt", ""), "set": notebook.stem}
-            words |= {"picture": "".join(picture), "caption": about["figure"]["caption"]}
-            yield about["figure"]["name"], words

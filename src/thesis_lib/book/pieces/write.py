@@ -8,7 +8,7 @@ from typing import Any
 from thesis_lib import files
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import conclusions, findings, structures
-from thesis_lib.book.pieces.opened import Cubes, Opened, describe_missing
+from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.parametric import figures as shape_figures
 from thesis_lib.figure_sets.parametric import sound
@@ -23,20 +23,18 @@ def write_pieces(
     """
     opened = Opened(made, without)
     for name in names or PIECES:
-        files.whole_text(folder / f"{name}.md", _render_piece(PIECES[name], opened))
-
-
-def _render_piece(piece: Callable[[Cubes], str], opened: Opened) -> str:
-    """Return one piece, or a sentence on the cubes that it is missing."""
-    opened.forget()
-    text = ""
-    try:
-        text = piece(opened)
-    except Exception:
-        if not opened.wanted:
-            raise
-    missing = describe_missing(opened.wanted) if opened.wanted else ""
-    return "\n\n".join(filter(None, [text, missing]))
+        opened.forget()
+        texts = []
+        try:
+            texts.append(PIECES[name](opened))
+        except Exception:
+            if not opened.wanted:
+                raise
+        if opened.wanted:
+            sets = ", ".join(f"`{wanted}`" for wanted in sorted(opened.wanted))
+            missing = f"Missing here, since it did not run: {sets}."
+            texts.append(f"*{missing} `thesis book` adds it once it does.*\n")
+        files.whole_text(folder / f"{name}.md", "\n\n".join(filter(None, texts)))
 
 
 CUBE_PIECES: dict[str, tuple[Any, ...]] = {
