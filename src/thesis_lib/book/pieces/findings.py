@@ -83,11 +83,7 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
         columns=list(changes[-1]["cells"]),
         kinds=[ERROR_WORDS.get(kind, f"errors on {kind}") for kind in kinds],
         agreement=[
-            {
-                "title": STUDIES[name].title,
-                "name": name,
-                "cells": [[i for n, k, i in met if (n, k) == (name, kind)] for kind in kinds],
-            }
+            (STUDIES[name], [[i for n, k, i in met if (n, k) == (name, kind)] for kind in kinds])
             for name in names
         ],
         totals=[[inside for _, of, inside in met if of == kind] for kind in kinds],
@@ -165,8 +161,7 @@ def tabulate_sound_scatter(opened: Cubes) -> str:
             spread += list(high / low)
             law += (part["predicted_error"] / trial_rms(part["plane_error"])).values.tolist()
             known += list(relative_rms_std(drawn**2))
-        medians = {"spread_median": np.median(spread), "std_median": np.median(known)}
-        rows.append({"mode": mode, "plane": plane, "spread": spread, "law": law} | medians)
+        rows.append((mode, plane, np.median(spread), spread, law, np.median(known)))
     return render(__file__, "sound-scatter", rows=rows)
 
 
@@ -191,16 +186,9 @@ def tabulate_sound_layouts(opened: Cubes) -> str:
                     found += (ratio.values[square == share] / alone).tolist()
             rows.append({"case": case, "square": square, "cells": cells})
     rows.sort(key=lambda row: [f"{row['square'][i]:4.0%}" for i in (0, -1)])
-    spreads = [{"median": np.median(t), "low": min(t), "high": max(t)} for t in times.values()]
-    return render(
-        __file__,
-        "sound-layouts",
-        pairs=pairs,
-        independent=free,
-        rows=rows,
-        square=spreads[0],
-        oblique=spreads[1],
-    )
+    square, oblique = ((np.median(found), min(found), max(found)) for found in times.values())
+    values = {"pairs": pairs, "independent": free, "square": square, "oblique": oblique}
+    return render(__file__, "sound-layouts", rows=rows, **values)
 
 
 def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
@@ -241,15 +229,9 @@ def tabulate_scatter(opened: Cubes) -> str:
 def describe_body(body: str, opened: Cubes) -> str:
     """Describe what each factor does to the error of a body, and how well that is known."""
     chapter = of_subject(opened, body)
-    low, high = np.quantile(error_over_law(chapter), [0.05, 0.95])
-    return render(
-        __file__,
-        "body-result",
-        by=error_shares(opened, body),
-        law_off_percent=100 * np.max(np.abs(law_over_rms(chapter) - 1)),
-        single_low=low,
-        single_high=high,
-    )
+    by, single = error_shares(opened, body), np.quantile(error_over_law(chapter), [0.05, 0.95])
+    off_percent = 100 * np.max(np.abs(law_over_rms(chapter) - 1))
+    return render(__file__, "body-result", by=by, law_off_percent=off_percent, single=single)
 
 
 def describe_laboratory(opened: Cubes) -> str:
@@ -260,29 +242,22 @@ def describe_laboratory(opened: Cubes) -> str:
         _trial_median(select_settings(cube, method, 1).isel(setting=-1)["mean_error"])
         for method in ("matched", "harmonic")
     )
-    return render(
-        __file__,
-        "laboratory-result",
-        thesis=thesis,
-        best=best,
-        claim=claimed_errors(cube, "matched", 1)[-1],
-        met=[inside for _, kind, inside in found if kind == "mean"],
-    )
+    claim = claimed_errors(cube, "matched", 1)[-1]
+    met = [inside for _, kind, inside in found if kind == "mean"]
+    return render(__file__, "laboratory-result", thesis=thesis, best=best, claim=claim, met=met)
 
 
 def describe_sound(opened: Cubes) -> str:
     """Describe shape against sound, and the effect of turning two cameras."""
-    arrays, turned = opened["sound-arrays"], opened["sound-aperture"]["turned_coherence"]
-    square, askew = (float(turned.sel(turn=turn).median()) for turn in (0, list(BEST_DEG)))
-    return render(
-        __file__,
-        "sound-result",
-        shape=_trial_median(arrays["deflection_error"]),
-        field=_trial_median(arrays["plane_error"]),
-        square=square,
-        askew=askew,
-        advice=turn_advice(opened["sound-aperture"]),
-    )
+    arrays, aperture = opened["sound-arrays"], opened["sound-aperture"]
+    turned = aperture["turned_coherence"]
+    values = {
+        "shape": _trial_median(arrays["deflection_error"]),
+        "field": _trial_median(arrays["plane_error"]),
+        "square": float(turned.sel(turn=0).median()),
+        "askew": float(turned.sel(turn=list(BEST_DEG)).median()),
+    }
+    return render(__file__, "sound-result", advice=turn_advice(aperture), **values)
 
 
 def describe_shapes(opened: Cubes) -> str:
