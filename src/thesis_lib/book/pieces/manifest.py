@@ -210,14 +210,10 @@ def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> assess
 def tabulate_layouts() -> str:
     """Tabulate the effect of the sides from which cameras look, on rms standard errors."""
     rigs = {name: assess_layout(at, 25.0).rig for name, at in PHONE_LAYOUTS.items()}
-    return render(
-        __file__,
-        "film-layouts",
-        rows=[(name, 1000 * rig.one_frame[0], 1000 * rig.fit[0]) for name, rig in rigs.items()],
-        fit_s=rigs["two that face each other"].steady_interval_s,
-        camera=_build_example().cameras[0],
-        centre_noise_px=assess.CENTRE_NOISE_PX,
-    )
+    rows = [(name, 1000 * rig.one_frame[0], 1000 * rig.fit[0]) for name, rig in rigs.items()]
+    camera, fit_s = _build_example().cameras[0], rigs["two that face each other"].steady_interval_s
+    values = {"camera": camera, "fit_s": fit_s, "centre_noise_px": assess.CENTRE_NOISE_PX}
+    return render(__file__, "film-layouts", rows=rows, **values)
 
 
 def tabulate_elevations() -> str:
@@ -225,14 +221,8 @@ def tabulate_elevations() -> str:
     rows = []
     for degrees in (5, 15, 25, 35, 50, 70):
         phi, found = np.radians(degrees), assess_layout((0, 180), float(degrees))
-        values = {
-            "degrees": degrees,
-            "cosine": np.cos(phi),
-            "across_px": found.table[0].across_px,
-            "slides": 1 / np.tan(phi),
-            "one_frame_um": 1000 * found.rig.one_frame[0],
-        }
-        rows.append(values)
+        across_px, one_frame_um = found.table[0].across_px, 1000 * found.rig.one_frame[0]
+        rows.append((degrees, np.cos(phi), across_px, 1 / np.tan(phi), one_frame_um))
     return render(__file__, "film-elevations", rows=rows)
 
 
@@ -244,17 +234,12 @@ def _amplitude_loss(turns: float) -> float | None:
 def tabulate_exposure() -> str:
     """Tabulate what shutters take from the amplitude."""
     limit, frequencies_hz = messages.CHECK_LIMITS["long-exposure"], (5, 25, 100)
-    return render(
-        __file__,
-        "film-exposure",
-        frequencies_hz=frequencies_hz,
-        rows=[
-            (parts, [_amplitude_loss(hertz / parts) for hertz in frequencies_hz])
-            for parts in (60, 125, 250, 500, 1000)  # of a second
-        ],
-        limit=limit,
-        limit_loss=_amplitude_loss(limit),
-    )
+    rows = [
+        (parts, [_amplitude_loss(hertz / parts) for hertz in frequencies_hz])
+        for parts in (60, 125, 250, 500, 1000)  # of a second
+    ]
+    values = {"rows": rows, "limit": limit, "limit_loss": _amplitude_loss(limit)}
+    return render(__file__, "film-exposure", frequencies_hz=frequencies_hz, **values)
 
 
 def tabulate_alias() -> str:

@@ -18,20 +18,14 @@ CHAPTER_FILES = {**{number: number for number in "123456"}, "appendices": "ABCDE
 
 def tabulate_chapter(name: str) -> str:
     """Tabulate the figures, tables and equations of a chapter of :data:`CHAPTER_FILES`."""
-    kinds: dict[str, list[dict[str, Any]]] = {"figure": [], "table": [], "equation": []}
+    kinds: dict[str, list[tuple[Any, ...]]] = {"figure": [], "table": [], "equation": []}
     for entry in read_index():
         kind, number = entry.item.split()
         if number[0] in CHAPTER_FILES[name]:
-            values = {
-                "number": number,
-                "what": entry.what,
-                "errata": [one.removeprefix("errata#errata-") for one in entry.errata],
-                "page": _link_document(entry.page) if entry.page else entry.reason,
-                "functions": [(function, _is_documented(function)) for function in entry.function],
-                "cubes": entry.cube,
-                "tests": entry.test,
-            }
-            kinds[kind].append(values)
+            errata = [one.removeprefix("errata#errata-") for one in entry.errata]
+            page = _link_document(entry.page) if entry.page else entry.reason
+            functions = [(function, _is_documented(function)) for function in entry.function]
+            kinds[kind].append((number, entry, errata, page, functions))
     return render(__file__, "thesis-index", kinds=kinds)
 
 
