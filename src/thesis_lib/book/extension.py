@@ -128,8 +128,22 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
 
     Pages with the same title are named after the page above them: *The beam: distance*.
     """
-    if page in app.env.titles:
-        _name_pages(app, page, context)
+    env = app.env
+    titles = {name: title.astext() for name, title in env.titles.items()}
+    count = Counter(titles.values())
+
+    def name_page(name: str) -> str:
+        above = next((one for one, below in env.toctree_includes.items() if name in below), "")
+        title = titles[name]
+        if count[title] < 2 or above in ("", env.config.root_doc):
+            return title
+        return f"{titles[above]}: {title[0].lower()}{title[1:]}"
+
+    if page in titles:
+        context["title"] = name_page(page)
+        files = {app.builder.get_relative_uri(page, name): name for name in titles}
+        for near in filter(None, map(context.get, ("prev", "next"))):
+            near["title"] = name_page(files[near["link"]])
     title = unescape(context.get("title") or app.config.project)  # the index has none yet
     paragraphs = tree.findall(nodes.paragraph) if tree else ()
     first = next((one.astext() for one in paragraphs if one.astext().strip()), "")
@@ -161,26 +175,6 @@ def _remove_old_pages(app: Any, error: Exception | None) -> None:
             page.unlink()
             for source in (folder / "_sources").glob(f"{name}.*"):
                 source.unlink()
-
-
-def _name_pages(app: Any, page: str, context: Any) -> None:
-    """Give a page and its neighbours titles that no other page has."""
-    env = app.env
-    titles = {name: title.astext() for name, title in env.titles.items()}
-    count = Counter(titles.values())
-
-    def name_page(name: str) -> str:
-        above = next((one for one, below in env.toctree_includes.items() if name in below), "")
-        title = titles[name]
-        if count[title] < 2 or above in ("", env.config.root_doc):
-            return title
-        return f"{titles[above]}: {title[0].lower()}{title[1:]}"
-
-    context["title"] = name_page(page)
-    files = {app.builder.get_relative_uri(page, name): name for name in titles}
-    for direction in ("prev", "next"):
-        if context.get(direction):
-            context[direction]["title"] = name_page(files[context[direction]["link"]])
 
 
 def _add_binder_button(app: Any, page: str, _template: str, context: Any, _tree: Any) -> None:

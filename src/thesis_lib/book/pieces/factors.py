@@ -230,7 +230,7 @@ def estimate_effects(opened: Cubes, factor: Factor) -> list[Effect]:
     Cubes that remember what is derived of them (`derived`) are asked once for each factor.
     """
     for _, name, *_ in factor.sources:
-        opened.get(name)  # counts as used, also where the answer is remembered
+        opened.get(name)  # counts as wanted if it is missing, also where the answer is remembered
     remembered: dict[Factor, list[Effect]] = getattr(opened, "derived", {})
     if factor not in remembered:
         by: dict[str, list[Curve]] = {}

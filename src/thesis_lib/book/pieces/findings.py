@@ -301,8 +301,7 @@ def list_findings(opened: Cubes) -> str:
     entries = [entry for entry in from_cube(opened["claims"]) if entry.counted]
     numbers = {word: sum(one.verdict == word for one in entries) for word in verdicts.VERDICTS}
     ratios = law_over_rms([*of_subject(opened, "beam"), *of_subject(opened, "plate")])
-    arrays = opened["sound-arrays"]
-    held, curves = sound_trends(opened)
+    arrays, trends = opened["sound-arrays"], sound_trends(opened)
     average_px = float(np.sqrt(rounding.mean_difference_variance(1, 0, 1)))
     left = {body: error_shares(opened, body) for body in BODY_CHAPTERS}
     parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
@@ -317,14 +316,7 @@ def list_findings(opened: Cubes) -> str:
             )
             for body, chapter in BODY_CHAPTERS.items()
         }
-        row = {
-            "advice": words,
-            "section": name,
-            "left": {body: left[body][name]["share"] for body in BODY_CHAPTERS},
-            "verdicts": {body: one.verdict for body, one in judged.items()},
-            "links": {body: f"executed/claims.html#claim-{one.id}" for body, one in judged.items()},
-        }
-        advice.append(row)
+        advice.append((name, words, judged))
     return render(
         __file__,
         "home-findings",
@@ -334,13 +326,13 @@ def list_findings(opened: Cubes) -> str:
         ratios=ratios,
         off=np.max(np.abs(ratios - 1)),
         advice=advice,
+        left=left,
         average_px=average_px,
         rule=float(cone_law.cone_deflection_error(1, 1, 4, np.pi / 2)) / 2,
         pair=np.median([one.ratio for one in equal_pixels()]),
         shape=_trial_median(arrays["deflection_error"]),
         sound=_trial_median(arrays["plane_error"]),
-        held=held,
-        curves=curves,
+        trends=trends,
     )
 
 

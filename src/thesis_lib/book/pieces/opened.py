@@ -96,7 +96,7 @@ def of_chapter(opened: Cubes, subject: str) -> list[xr.Dataset]:
 
 
 class Opened(Mapping[str, xr.Dataset]):
-    """Cubes by name, which remember what a piece used, and what it would have used."""
+    """Cubes by name, which remember what a piece would have used."""
 
     def __init__(self, made: Iterable[Path], without: Iterable[str]) -> None:
         self._files = {path.stem: path for path in made}
@@ -107,13 +107,13 @@ class Opened(Mapping[str, xr.Dataset]):
 
     def forget(self) -> None:
         """Begin another piece."""
-        self.used, self.wanted = set[str](), set[str]()
+        self.wanted = set[str]()
 
     def __getitem__(self, name: str) -> xr.Dataset:
         if name not in self._files:
             self.wanted.add(name)
             raise KeyError(name)
-        self.used.add(name)
+
         if name not in self._read:
             self._read[name] = cube_file.read_cube(self._files[name])
         return self._read[name]

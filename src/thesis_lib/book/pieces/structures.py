@@ -100,8 +100,8 @@ def tabulate_marker_grids(_: Cubes) -> str:
         shape = plate.mode_shapes([1], plate.markers)[0]
         largest = np.max(np.abs(operator.field(shape)))
         ratio = float(np.linalg.norm(planes.full_factor(operator)) * plate.shape_peak(1) / largest)
-        rows.append({"grid": grid, "count": plate.markers.shape[1], "ratio": ratio})
-    counts, ratios = np.array([[row["count"], row["ratio"]] for row in rows]).T
+        rows.append((grid, plate.markers.shape[1], ratio))
+    counts, ratios = np.array([row[1:] for row in rows]).T
     exponent = np.polyfit(np.log(counts), np.log(ratios), 1)[0]
     return render(__file__, "sound-markers", rows=rows, exponent=exponent)
 
