@@ -3,7 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "Array", "ArrayLike", "ComplexArray", "Image", "IntArray", "Mask", "NDArray", "Signal",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

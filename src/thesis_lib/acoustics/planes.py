@@ -17,10 +17,9 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.acoustics import radiation
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, NDArray
 from thesis_lib.vibration.structure import Plate
 
 

@@ -29,9 +29,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray
 from thesis_lib.vibration.structure import Plate
 
 _BLOCK_PAIRS = 50_000  # point × source pairs at a time: what stays in cache

@@ -26,10 +26,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from thesis_lib.acoustics import radiation
-from thesis_lib.arrays import Array, ComplexArray, IntArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.vibration import polygons
 
 # Nodes in standard deviations: of a whole cell, and of a cut one the first that all lie inside.

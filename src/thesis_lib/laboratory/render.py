@@ -15,9 +15,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.arrays import Array, Image, IntArray
+from thesis_lib.arrays import Array, ArrayLike, Image, IntArray, NDArray
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vibration.polygons import Point, divide_hole

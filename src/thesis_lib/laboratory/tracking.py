@@ -18,10 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.arrays import Array, ComplexArray, Image, IntArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, Image, IntArray
 from thesis_lib.laboratory.recording_files import render_board_images
 from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import (

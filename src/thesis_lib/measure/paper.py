@@ -13,9 +13,8 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.files import check_file, whole_file
 from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
 from thesis_lib.measure.recordings.manifest import CameraFiles

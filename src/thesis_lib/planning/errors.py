@@ -15,9 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 import scipy  # its parts are imported when they are used
-from numpy.typing import NDArray
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, Mask, NDArray
 from thesis_lib.planning import positions
 from thesis_lib.planning.positions import Scene
 from thesis_lib.vision import pinhole, rounding, simulation

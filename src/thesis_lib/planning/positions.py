@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, Mask, NDArray
 from thesis_lib.vibration.structure import Structure, deflection_shape
 from thesis_lib.vision import pinhole
 

@@ -10,9 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, Mask, NDArray
 from thesis_lib.planning import errors, positions
 from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
 from thesis_lib.vision.pinhole import hemisphere_directions

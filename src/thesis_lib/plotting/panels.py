@@ -16,9 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.facts.claims import Claim
 from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes, schema

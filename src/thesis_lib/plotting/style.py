@@ -21,9 +21,8 @@ from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom in fractions of the figure
 

@@ -7,9 +7,8 @@ above half of the rate.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray
 from thesis_lib.vibration.structure import Beam, Structure
 
 

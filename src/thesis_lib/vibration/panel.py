@@ -13,9 +13,8 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vibration import finite_elements, polygons
 from thesis_lib.vibration.structure import Sheet
 

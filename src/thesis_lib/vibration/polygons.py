@@ -16,9 +16,8 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, IntArray, Mask
+from thesis_lib.arrays import Array, ArrayLike, IntArray, Mask
 
 if TYPE_CHECKING:
     from skfem import MeshTri

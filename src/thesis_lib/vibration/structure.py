@@ -17,9 +17,8 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, ComplexArray, IntArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 
 
 class Structure(Protocol):

@@ -21,9 +21,8 @@ Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vision import triangulation
 
 _BLOCK_VALUES = 36000  # camera × point values per block: intermediate results stay in cache

@@ -25,9 +25,8 @@ of the distance it is a ValueError. Arrays broadcast.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike, NDArray
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
 
 MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes

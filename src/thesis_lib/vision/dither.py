@@ -17,10 +17,9 @@ ValueError. Variances are over random pixel grids; arrays broadcast.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import j0, j1, jv
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulation_gain
 

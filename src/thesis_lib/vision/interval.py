@@ -49,9 +49,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vision import triangulation
 from thesis_lib.vision.pinhole import project
 

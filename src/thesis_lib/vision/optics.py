@@ -6,9 +6,8 @@ image coordinates in px. Everything broadcasts. Images are ``(rows, columns)`` o
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vision.pinhole import CameraArray, pixelate
 
 FULL_FRAME = (36.0, 24.0)  # mm, what crop factors refer to

@@ -24,9 +24,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, ArrayLike, Mask
 
 
 @dataclass(frozen=True)

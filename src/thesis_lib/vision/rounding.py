@@ -15,9 +15,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulation_gain
 

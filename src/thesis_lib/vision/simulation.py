@@ -22,9 +22,8 @@ over the hemisphere, and markers near the origin that move along Z.
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
 from thesis_lib.vision.interval import interval_estimate, joint_interval
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, pixelate, project

@@ -16,9 +16,8 @@ rounding.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 
 UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points per block: intermediate results stay in cache, and the allocator reuses their memory.

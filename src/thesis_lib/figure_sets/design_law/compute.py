@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import IntArray
+from thesis_lib.arrays import ArrayLike, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law import shares, sweeps
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw

@@ -6,10 +6,9 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, NDArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies import fields

@@ -10,9 +10,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.design_law.sweeps import exact_rms, mode_shapes

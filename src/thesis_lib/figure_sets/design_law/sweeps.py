@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.parametric.figure_set import camera_study

@@ -17,10 +17,9 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-from numpy.typing import ArrayLike
 from scipy.interpolate import Akima1DInterpolator
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.facts import setups
 from thesis_lib.plotting import selection, style
 from thesis_lib.plotting.panels import camera_centres, setup_panel

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics.figure_set import MAX_DISTANCE_RATIO, Cameras
 from thesis_lib.studies.schema import label_values, read_variables

@@ -18,10 +18,9 @@ import numpy as np
 import pyuff
 import scipy.io
 import xarray as xr
-from numpy.typing import ArrayLike
 from scipy.spatial import Delaunay, QhullError
 
-from thesis_lib.arrays import Array, ComplexArray, IntArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.cameras import write_aniposelib, write_opencv
 from thesis_lib.measure.tracking.tracks import Recording

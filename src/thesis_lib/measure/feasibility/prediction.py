@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from thesis_lib.arrays import Array, Mask
+from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.files import whole_text
 from thesis_lib.measure.fitting.reconstruction import group_visible
 from thesis_lib.measure.messages import CHECK_LIMITS

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, ComplexArray, IntArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.measure.fitting import reconstruction
 from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.recordings.board import Markers

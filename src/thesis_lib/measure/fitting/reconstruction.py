@@ -8,9 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, ComplexArray, IntArray, Mask
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray, Mask
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.vision.pinhole import Camera, project, projection_matrices

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase

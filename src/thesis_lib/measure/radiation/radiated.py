@@ -21,13 +21,12 @@ from typing import Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 from scipy.interpolate import RBFInterpolator
 from scipy.linalg import block_diag
 
 from thesis_lib.acoustics import estimates, radiation, surfaces
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.arrays import Array, ComplexArray, IntArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Beam, Plate

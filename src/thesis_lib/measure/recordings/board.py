@@ -18,11 +18,10 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 from scipy.spatial import KDTree
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
 from thesis_lib.vibration.structure import Beam
 

@@ -21,9 +21,8 @@ import av
 import cv2
 import numpy as np
 from av.video.reformatter import ColorRange
-from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.arrays import Array, Image, IntArray
+from thesis_lib.arrays import Array, ArrayLike, Image, IntArray, NDArray
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings import media_info
 from thesis_lib.measure.recordings.manifest import IMAGE_SUFFIXES, find_images

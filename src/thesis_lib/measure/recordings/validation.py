@@ -5,10 +5,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.measure.recordings import audio, force_table, media, media_info
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths

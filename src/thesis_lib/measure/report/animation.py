@@ -15,10 +15,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
-from numpy.typing import NDArray
 from PIL import Image as Pictures
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, NDArray
 from thesis_lib.files import whole_file
 from thesis_lib.measure.exchange.files import marker_edges, marker_faces
 from thesis_lib.measure.recordings import media

@@ -10,11 +10,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from scipy.signal import firwin
 from scipy.special import i0
 
-from thesis_lib.arrays import Array, Signal
+from thesis_lib.arrays import Array, ArrayLike, NDArray, Signal
 from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, AudioTrack, open_audio
 
 Track = NDArray[np.float32]

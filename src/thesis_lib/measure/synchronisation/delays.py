@@ -14,12 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.fft import irfft, rfft
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks, oaconvolve, welch
 
-from thesis_lib.arrays import Array, IntArray, Signal
+from thesis_lib.arrays import Array, ArrayLike, IntArray, Signal
 from thesis_lib.measure.synchronisation import tones
 from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
 

@@ -25,9 +25,8 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation import audio, tones

@@ -7,11 +7,10 @@ such a tone.
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.fft import next_fast_len, rfft
 from scipy.optimize import minimize_scalar
 
-from thesis_lib.arrays import Signal
+from thesis_lib.arrays import ArrayLike, Signal
 from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
 
 Interval = tuple[float, float]

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, Image
+from thesis_lib.arrays import Array, ArrayLike, Image
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera, distort_pixels, undistort_pixels
 
