@@ -1,11 +1,9 @@
 """What may be asked of the planner: structure, cameras to choose from, limits, wanted accuracy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -228,7 +226,7 @@ class PlanRequest(Study):
             _ = self.sounds  # refuses modes that are not heard
 
     @model_validator(mode="after")
-    def _check_together(self) -> PlanRequest:
+    def _check_together(self) -> Self:
         turn, ordered = "at most 360° apart", "allowed: the least before the largest"
         for name in ("distances_mm", "azimuths_deg", "elevations_deg"):
             low, high = getattr(self, name)

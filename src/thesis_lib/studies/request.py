@@ -1,13 +1,11 @@
 """Requests: the parameters of a figure set, checked once, and the command that gives them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shlex
 import warnings
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -91,7 +89,7 @@ class Study(fields.Fields):
         return hashlib.sha256(text.encode()).hexdigest()[:10]
 
     @model_validator(mode="after")
-    def _check_lists(self) -> Study:
+    def _check_lists(self) -> Self:
         for name in type(self).model_fields:
             value = getattr(self, name)
             if isinstance(value, list) and len(set(value)) < len(value) and name != "amplitude_mm":
@@ -254,7 +252,7 @@ class SoundPlanes(PlateMarkers):
         return xz, yz
 
     @model_validator(mode="after")
-    def _check_sound(self) -> SoundPlanes:
+    def _check_sound(self) -> Self:
         if self.plane_top_mm <= self.plane_bottom_mm:
             self.refuse("plane_top_mm", "allowed: a number above plane_bottom_mm, in mm")
         plate, highest = self.structure, max(self.modes)  # type: ignore[attr-defined]

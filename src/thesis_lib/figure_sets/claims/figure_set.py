@@ -1,6 +1,6 @@
 """The ledger, every claim of the thesis: alternative readings, and the draws of its own runs."""
 
-from __future__ import annotations
+from typing import Self
 
 from pydantic import Field, model_validator
 
@@ -44,7 +44,7 @@ class OtherReadings(Ledger):
     )
 
     @model_validator(mode="after")
-    def _check_readings(self) -> OtherReadings:
+    def _check_readings(self) -> Self:
         if unknown := [name for name in self.readings if name not in READINGS]:
             refuse_value("readings", unknown[0], f"allowed: {', '.join(READINGS)}")
         return self

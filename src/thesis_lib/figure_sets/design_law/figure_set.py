@@ -1,9 +1,7 @@
 """The law of rounding, applied to placing cameras: the parameters of ``design-law``."""
 
-from __future__ import annotations
-
 import math
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -93,7 +91,7 @@ class DesignLaw(Study):
         return made
 
     @model_validator(mode="after")
-    def _check_together(self) -> DesignLaw:
+    def _check_together(self) -> Self:
         peak = max(self.amplitude_mm, self.small_amplitude_mm)
         bodies = setups.thesis_beam(), setups.thesis_plate()
         farther = max(1000 * math.hypot(*body.extent) / 2 for body in bodies) + peak

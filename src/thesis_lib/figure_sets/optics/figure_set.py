@@ -1,9 +1,7 @@
 """Chapter 2, appendices A and B: parameters of single cameras, lenses and parallel pairs."""
 
-from __future__ import annotations
-
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -104,7 +102,7 @@ class Cameras(Study):
         ]
 
     @model_validator(mode="after")
-    def _check_together(self) -> Cameras:
+    def _check_together(self) -> Self:
         reach = 1000 * math.hypot(*self.structure.extent) / 2
         for distance in self.distances_mm:
             if distance <= reach:

@@ -1,9 +1,7 @@
 """Parameters of all camera studies: the lens, the vibration, and places of the cameras."""
 
-from __future__ import annotations
-
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -107,7 +105,7 @@ class CameraStudy(Study):
         return [float(self.amplitude_mm) / 1000] * len(self.modes)
 
     @model_validator(mode="after")
-    def _check_together(self) -> CameraStudy:
+    def _check_together(self) -> Self:
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
             self.refuse("amplitude_mm", CAMERA_CONDITIONS["amplitude_mm"])
         settings = self.thesis_settings()  # as given, so that a refusal says what was given

@@ -4,12 +4,10 @@ One model per figure set serves the command line, the notebooks and the tables o
 field's ``allowed`` text is what the user reads, in the table and in the error message alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from copy import copy
 from itertools import pairwise
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, create_model, model_validator
 
@@ -142,7 +140,7 @@ class Arrays(CameraStudy):
     resolution_px: fields.SensorSize
 
     @model_validator(mode="after")
-    def _check_cases(self) -> Arrays:
+    def _check_cases(self) -> Self:
         if not self.cases and not self.layouts:
             self.refuse("cases", CAMERA_CONDITIONS["cases"])
         grow = all(

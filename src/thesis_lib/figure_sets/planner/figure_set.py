@@ -1,8 +1,6 @@
 """Planned cameras, and the thesis's layouts: standard questions to the planner."""
 
-from __future__ import annotations
-
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -130,7 +128,7 @@ class Planner(Study):
         }
 
     @model_validator(mode="after")
-    def _check_together(self) -> Planner:
+    def _check_together(self) -> Self:
         (width, height), *rest = self.resolutions_px
         if any(w * height != h * width for w, h in rest):
             self.refuse("resolutions_px", "allowed: images of one proportion")

@@ -12,8 +12,6 @@ A camera that starts later than was thought sees every mode late, by a phase tha
 frequency. Several modes tell how much, beyond the period of any one of them.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -4,12 +4,10 @@ Lengths are in the units of their suffix here and nowhere else: properties witho
 SI units.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import yaml
@@ -91,7 +89,7 @@ class CameraFiles(Fields):
         return self.captured_hz or self.frame_rate_hz
 
     @model_validator(mode="after")
-    def _check(self) -> CameraFiles:
+    def _check(self) -> Self:
         if self.exposure_s * self.rate_hz > 1 + 1e-9:
             self.refuse("exposure_s", "allowed: at most 1 / frame_rate_hz, in s")
         if abs(self.readout_s) * self.rate_hz > 1 + 1e-9:
@@ -129,7 +127,7 @@ class Manifest(Fields):
     truth: FileName | None = Field(None, description="truth of a rendered recording")
 
     @model_validator(mode="after")
-    def _check(self) -> Manifest:
+    def _check(self) -> Self:
         kind, own, behaviour = self.excitation.kind, self.structure, self.excitation.behaviour
         if self.force is None and behaviour.force == "required":
             refuse_value("force", None, f"allowed where excitation.kind is {kind}: an object")
