@@ -11,16 +11,7 @@ import xarray as xr
 from scipy.stats import spearmanr
 
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.factors import (
-    FACTORS,
-    MEAN_ERRORS,
-    PLANE_ERRORS,
-    end_ratio,
-    estimate_effects,
-    fit_exponent,
-    read_curves,
-    sound_trends,
-)
+from thesis_lib.book.pieces import factors
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import read_trends
@@ -31,13 +22,7 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger.trends import MIN_MATERIAL_FALL
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
-from thesis_lib.plotting.selection import (
-    claimed_errors,
-    error_bars,
-    list_cases,
-    select_settings,
-    trial_rms,
-)
+from thesis_lib.plotting import selection
 from thesis_lib.templates import render
 from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION, pair_noise_error
 from thesis_lib.vision.pinhole import hemisphere_cameras
@@ -51,17 +36,17 @@ def tabulate_factor(name: str, opened: Cubes) -> str:
 
     For the aperture, the effect on a pair with noise in all coordinates is predicted by elevation.
     """
-    factor = FACTORS[name]
+    factor = factors.FACTORS[name]
     effects = []
-    for one in estimate_effects(opened, factor):
+    for one in factors.estimate_effects(opened, factor):
         numbers = one.opposite, one.unchanged, one.not_monotonic
         against = zip(numbers, ("opposite", UNCHANGED, "not monotonic"), strict=True)
         texts = [f"{number} {word}" for number, word in against if number]
         effects.append({"effect": one, "predicted": np.median(one.predicted), "against": texts})
     pair: dict[float, float] = {}
-    for curve in read_curves(opened, factor) if name == "wider" else ():
+    for curve in factors.read_curves(opened, factor) if name == "wider" else ():
         angles = np.radians(curve.values), np.radians(curve.elevation)
-        pair[curve.elevation] = end_ratio(pair_noise_error(1, 1, *angles), 1)
+        pair[curve.elevation] = factors.end_ratio(pair_noise_error(1, 1, *angles), 1)
     values = {
         "optimum": _find_optimum(opened) if name == "lower" else None,
         "pair": sorted(pair.items()),
@@ -74,8 +59,8 @@ def _find_optimum(opened: Cubes) -> dict[str, Any] | None:
     """Find the best elevation in the laboratory, and the elevations that are too low."""
     if (cube := opened.get("lab-elevation")) is None:
         return None
-    elevations = select_settings(cube, "three-rows", 1)["value"].values
-    error = error_bars(cube, "three-rows", 1).band[1]
+    elevations = selection.select_settings(cube, "three-rows", 1)["value"].values
+    error = selection.error_bars(cube, "three-rows", 1).band[1]
     best, steepest = int(np.nanargmin(error)), int(np.argmax(elevations))
     lowest = int(np.flatnonzero(np.isfinite(error))[0])
     return {
@@ -103,13 +88,13 @@ def count_trends(opened: Cubes) -> str:
     """Count the trends that the thesis states of each factor, by the verdict of the ledger."""
     entries = _list_trends(opened)
     parameter = {trend.id: trend.parameter for trend in read_trends()}
-    parts: dict[str, list[ledger.Entry]] = {one.conclusion: [] for one in FACTORS.values()}
+    parts: dict[str, list[ledger.Entry]] = {one.conclusion: [] for one in factors.FACTORS.values()}
     parts["anything else"] = []
     for entry in entries:
         of = parameter.get(entry.id, "")
-        named = (one.conclusion for one in FACTORS.values() if of.startswith(one.parameter))
+        named = (one.conclusion for one in factors.FACTORS.values() if of.startswith(one.parameter))
         parts[next(named, "anything else")].append(entry)
-    wider = FACTORS["wider"].conclusion
+    wider = factors.FACTORS["wider"].conclusion
     agreeing = [e for e in entries if e.verdict == "agrees"]
     return render(
         __file__,
@@ -152,7 +137,7 @@ def correlate_sound(opened: Cubes) -> str:
                 continue
             expected = [np.sqrt(np.mean(errors**2, axis=1)) for errors in (shape, field)]
             orders.append(float(spearmanr(*expected).statistic))
-            slopes.append(fit_exponent(*expected))
+            slopes.append(factors.fit_exponent(*expected))
             draws += [
                 float(spearmanr(a, b).statistic) for a, b in zip(shape.T, field.T, strict=True)
             ]
@@ -165,7 +150,10 @@ def correlate_sound(opened: Cubes) -> str:
             "exponents": slopes,
         }
         rows.append(row)
-    trends = {"all": sound_trends(opened), "aperture": sound_trends(opened, "wider")}
+    trends = {
+        "all": factors.sound_trends(opened),
+        "aperture": factors.sound_trends(opened, "wider"),
+    }
     return render(__file__, "conclusions-sound", rows=rows, trends=trends)
 
 
@@ -190,16 +178,18 @@ def tabulate_experiment(opened: Cubes) -> str:
     for name, factor in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
         if (cube := opened.get(name)) is None:
             continue
-        for case in list_cases(cube):
+        for case in selection.list_cases(cube):
             if case.endswith("-all"):  # sets of cameras that do not grow
                 continue
-            alone = replace(FACTORS[factor], sources=((case, name, (case,), MEAN_ERRORS),))
-            (effect,) = estimate_effects(opened, alone)
-            part = select_settings(cube, case, 1)
+            alone = replace(
+                factors.FACTORS[factor], sources=((case, name, (case,), factors.MEAN_ERRORS),)
+            )
+            (effect,) = factors.estimate_effects(opened, alone)
+            part = selection.select_settings(cube, case, 1)
             labels = part["label"].values
-            claims = claimed_errors(cube, case, 1) if case == "matched" else [None]
+            claims = selection.claimed_errors(cube, case, 1) if case == "matched" else [None]
             claimed = [claim.stated for claim in (claims[0], claims[-1]) if claim]
-            best = labels[np.nanargmin(trial_rms(part["mean_error"]).values)]
+            best = labels[np.nanargmin(selection.trial_rms(part["mean_error"]).values)]
             against = {
                 f"not monotonic, best at {best}": effect.not_monotonic,
                 "yes": effect.confident,
@@ -207,7 +197,7 @@ def tabulate_experiment(opened: Cubes) -> str:
                 UNCHANGED: effect.unchanged,
             }
             row = {
-                "conclusion": FACTORS[factor].conclusion,
+                "conclusion": factors.FACTORS[factor].conclusion,
                 "case": case,
                 "labels": labels,
                 "medians": part["mean_error"].isel(trial=slice(1, None)).median("trial").values,
@@ -222,8 +212,8 @@ def tabulate_experiment(opened: Cubes) -> str:
 def tabulate_costs(opened: Cubes) -> str:
     """Tabulate what half the error costs, by the exponents of the simulated beam and plate."""
     rows = []
-    for name, factor in FACTORS.items():
-        for one in estimate_effects(opened, factor):
+    for name, factor in factors.FACTORS.items():
+        for one in factors.estimate_effects(opened, factor):
             if one.group not in ("beam", "plate"):
                 continue
             halving = None
@@ -231,10 +221,12 @@ def tabulate_costs(opened: Cubes) -> str:
                 halving = 2 ** (-1 / float(np.median(one.exponents)))
             end = 0 if name == "closer" else -1  # the best one
             shares = [  # of marker images on the sensor
-                float(select_settings(opened[of], case, 1).sortby("value")["in_view"][end])
+                float(
+                    selection.select_settings(opened[of], case, 1).sortby("value")["in_view"][end]
+                )
                 for group, of, cases, _ in factor.sources
                 if group == one.group and of in opened
-                for case in cases or list_cases(opened[of])
+                for case in cases or selection.list_cases(opened[of])
             ]
             row = {
                 "conclusion": factor.conclusion,
@@ -320,14 +312,14 @@ def tabulate_wishes(opened: Cubes) -> str:
 
 
 def _case_errors(cube: xr.Dataset, case: str) -> dict[str, Any]:
-    labels = select_settings(cube, case, 1)["label"].values
-    return {"labels": labels, "errors": error_bars(cube, case, 1).band[1]}
+    labels = selection.select_settings(cube, case, 1)["label"].values
+    return {"labels": labels, "errors": selection.error_bars(cube, case, 1).band[1]}
 
 
 def _compare_pairs(cube: xr.Dataset) -> dict[str, Any]:
     """Return the best and the worst pair of the experiment's cameras, and the error of all."""
-    part = select_settings(cube, "literal-all", 1)
-    error, counts = error_bars(cube, "literal-all", 1).band[1], part["n_cameras"].values
+    part = selection.select_settings(cube, "literal-all", 1)
+    error, counts = selection.error_bars(cube, "literal-all", 1).band[1], part["n_cameras"].values
     pairs, labels = (values[counts == 2] for values in (error, part["label"].values))
     which = {"best": np.argmin(pairs), "worst": np.argmax(pairs)}
     ends = {name: (pairs[i], labels[i]) for name, i in which.items()}
@@ -336,22 +328,25 @@ def _compare_pairs(cube: xr.Dataset) -> dict[str, Any]:
 
 def _compare_sets(cube: xr.Dataset) -> dict[str, Any]:
     """Return the median error of pairs of the rendered cameras, and of all."""
-    error = error_bars(cube, "subsets", 1).band[1]
-    numbers = select_settings(cube, "subsets", 1)["n_cameras"].values
+    error = selection.error_bars(cube, "subsets", 1).band[1]
+    numbers = selection.select_settings(cube, "subsets", 1)["n_cameras"].values
     few, many = (np.nanmedian(error[numbers == n]) for n in (2, numbers.max()))
     return {"sets": len(error), "most": numbers.max(), "pairs": few, "all": many}
 
 
 def _last_settings(cube: xr.Dataset) -> list[xr.Dataset]:
-    return [select_settings(cube, case, 1).isel(setting=-1) for case in list_cases(cube)]
+    return [
+        selection.select_settings(cube, case, 1).isel(setting=-1)
+        for case in selection.list_cases(cube)
+    ]
 
 
 def _read_modes(cube: xr.Dataset) -> dict[str, Any]:
     """Return the error of each mode in the first setting, and the torsion in the last mode."""
     modes = cube["mode"].values.tolist()
-    last = select_settings(cube, "known", modes[-1]).isel(setting=0)
+    last = selection.select_settings(cube, "known", modes[-1]).isel(setting=0)
     return {
-        "errors": [(mode, error_bars(cube, "known", mode).band[1][0]) for mode in modes],
+        "errors": [(mode, selection.error_bars(cube, "known", mode).band[1][0]) for mode in modes],
         "label": last["label"].item(),
         "last": modes[-1],
         "torsion_um": 1e6 * float(cube["torsion_reference"]),
@@ -362,9 +357,9 @@ def _read_modes(cube: xr.Dataset) -> dict[str, Any]:
 def _change_ratios(cube: xr.Dataset, quantities: tuple[str, ...]) -> list[tuple[str, float]]:
     """Return by case the last setting's error over the first's, median over modes and errors."""
     found = []
-    for case in list_cases(cube):
+    for case in selection.list_cases(cube):
         bands = [
-            error_bars(cube, case, mode, quantity).band[1]
+            selection.error_bars(cube, case, mode, quantity).band[1]
             for mode in cube["mode"].values.tolist()
             for quantity in quantities
         ]
@@ -385,8 +380,8 @@ WISHES: dict[str, tuple[str, Callable[[xr.Dataset], Any]]] = {
     "sets": ("lab-layout", _compare_sets),
     "coarse": ("lab-equal-pixels", _last_settings),
     "modes": ("lab-modes", _read_modes),
-    "plate": ("lab-plate", partial(_change_ratios, quantities=MEAN_ERRORS)),
-    "plate_sound": ("lab-plate", partial(_change_ratios, quantities=PLANE_ERRORS)),
+    "plate": ("lab-plate", partial(_change_ratios, quantities=factors.MEAN_ERRORS)),
+    "plate_sound": ("lab-plate", partial(_change_ratios, quantities=factors.PLANE_ERRORS)),
     "ledger": ("claims", _symmetry_entry),
     "shape": ("shape-l", partial(_case_errors, case="4e")),
 }
@@ -394,7 +389,7 @@ WISHES: dict[str, tuple[str, Callable[[xr.Dataset], Any]]] = {
 
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
-    **{f"conclusions-{name}": partial(tabulate_factor, name) for name in FACTORS},
+    **{f"conclusions-{name}": partial(tabulate_factor, name) for name in factors.FACTORS},
     "conclusions-stated": tabulate_stated,
     "conclusions-counted": count_trends,
     "conclusions-sound": correlate_sound,
