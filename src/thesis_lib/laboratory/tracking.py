@@ -34,13 +34,7 @@ from thesis_lib.laboratory.rig import (
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.rig import calibrate_camera, unify_corners
-from thesis_lib.measure.fitting.harmonics import (
-    Fitted,
-    Harmonics,
-    combine_fit,
-    fit_harmonics,
-    mean_of,
-)
+from thesis_lib.measure.fitting import harmonics as fits
 from thesis_lib.measure.fitting.reconstruction import check_frame, fit_grid, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
@@ -162,7 +156,7 @@ def _stored_frames(times: Array, frames: int) -> IntArray:
     return np.r_[:REST_FRAMES, len(times) - frames : len(times)]
 
 
-def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> Fitted:
+def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> fits.Fitted:
     """Fit harmonics to the steady interval by the true cameras, and the frame of the markers.
 
     Raises
@@ -170,14 +164,14 @@ def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2)
     ValueError
         If fewer than three markers at rest are seen by two cameras.
     """
-    harmonics: list[Harmonics] = []
+    harmonics: list[fits.Harmonics] = []
     rest = []
     for camera, own in zip(rig.cameras, found, strict=True):
         uv = pinhole.undistort_tracks(camera, own.centres)
         steady = own.times >= rig.motion.steady
-        harmonics.append(fit_harmonics(omega, own.times[steady], uv[steady], order))
-        rest.append(mean_of(uv[own.times < rig.motion.start]))
-    return combine_fit(rig.cameras, harmonics, np.array(rest), rig.markers)
+        harmonics.append(fits.fit_harmonics(omega, own.times[steady], uv[steady], order))
+        rest.append(fits.mean_of(uv[own.times < rig.motion.start]))
+    return fits.combine_fit(rig.cameras, harmonics, np.array(rest), rig.markers)
 
 
 AIM_STD_DEG = 1.0  # ° about each axis, standard deviation of how cameras are aimed
@@ -365,7 +359,7 @@ def select_free_decay(rig: Rig, found: list[TrackedCentres]) -> tuple[list[Track
     for station, own in zip(rig.stations, found, strict=True):
         uv = pinhole.undistort_tracks(station.camera, own.centres)
         exposure = station.sensor.exposure
-        still.append(mean_of(uv[own.times < rig.motion.start]))
+        still.append(fits.mean_of(uv[own.times < rig.motion.start]))
         ring = own.times > rig.motion.steady + exposure
         own_v = own.centres[ring, 1]
         tracks.append(Track(station.camera, own.times[ring], uv[ring], exposure, 0.0, own_v))

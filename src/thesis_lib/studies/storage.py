@@ -26,16 +26,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from thesis_lib.files import (
-    cache_folder,
-    digest_of,
-    library_digest,
-    library_files,
-    sha256,
-    shipped,
-    whole_file,
-    whole_text,
-)
+from thesis_lib import files
 from thesis_lib.studies.cubes import CubeError
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import with_provenance
@@ -88,7 +79,7 @@ def write_netcdf(
     image = io.BytesIO()  # in memory: where HDF5 cannot write a disk it ends the process
     with _HDF5_LOCK:
         cube.to_netcdf(image, engine="h5netcdf", encoding=encoding)
-        whole_file(path, lambda part: part.write_bytes(image.getvalue()))
+        files.whole_file(path, lambda part: part.write_bytes(image.getvalue()))
 
 
 def _step(values: xr.DataArray) -> np.float32 | None:
@@ -184,7 +175,7 @@ def package_versions() -> dict[str, str]:
 
 def differing_packages() -> list[str]:
     """Return what is installed in another version than the lock has, in words."""
-    lock = (shipped() / "requirements" / "book.txt").read_text(encoding="utf-8")
+    lock = (files.shipped() / "requirements" / "book.txt").read_text(encoding="utf-8")
     pins = re.findall(r"^([\w.-]+)==([^\s;]+)", lock, re.MULTILINE)  # one for each Python
     return [
         f"{name} {here} is installed, the lock has {' or '.join(locked)}"
@@ -206,7 +197,7 @@ def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = ""
     if path.exists():
         data: xr.Dataset | None = None
         with suppress(OSError, ValueError, CubeError):
-            if _digest(path).read_text(encoding="ascii").strip() == sha256(path):
+            if _digest(path).read_text(encoding="ascii").strip() == files.sha256(path):
                 data = open_netcdf(path)
         if data is None:
             aside(f"{path} is not what was stored there; it is computed again")
@@ -216,7 +207,7 @@ def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = ""
     cube = compute()
     cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
     write_netcdf(cube.assign_attrs({"key": key} if key else {}), path)
-    whole_text(_digest(path), f"{sha256(path)}\n")  # trusted from now on
+    files.whole_text(_digest(path), f"{files.sha256(path)}\n")  # trusted from now on
     return open_netcdf(path)
 
 
@@ -229,7 +220,7 @@ def cached_study(
     digests of all that determines it besides the request, and of the code alone; empty if that is
     the whole library.
     """
-    path = cache_path(study, key or digest_of(library_files()))
+    path = cache_path(study, key or files.digest_of(files.library_files()))
     cube = load_or_compute(path, lambda: compute(study))
     return with_provenance(cube, study, float(cube.attrs.pop("run_time_s")), library)
 
@@ -237,15 +228,15 @@ def cached_study(
 def cache_path(study: Study, key: str) -> Path:
     """Return the file of a study's cube, whose name tells what determines the cube."""
     name = hashlib.sha256(f"{study.name} {study.digest} {key}".encode()).hexdigest()[:16]
-    return cache_folder() / f"{study.name}-{name}.nc"
+    return files.cache_folder() / f"{study.name}-{name}.nc"
 
 
-def key_of(values: Any, files: Iterable[Path] = ()) -> str:
+def key_of(values: Any, paths: Iterable[Path] = ()) -> str:
     """Return the key of a step that depends on JSON values and on the contents of files.
 
     A file's digest is remembered while its size, times and inode are the same; reading a gigabyte
     takes about a second, tracking it takes minutes.
     """
-    stamps = [[file.name, sha256(file)] for file in files]
-    text = json.dumps([values, stamps, library_digest(), package_versions()])
+    stamps = [[path.name, files.sha256(path)] for path in paths]
+    text = json.dumps([values, stamps, files.library_digest(), package_versions()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -29,20 +29,7 @@ from scipy.stats import norm, t
 
 from thesis_lib import __version__
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.calibration.bundle_adjustment import (
-    LENS_UNKNOWNS,
-    MIN_EIGENVALUE,
-    POSE_UNKNOWNS,
-    Adjustment,
-    Network,
-    adjust_bundle,
-    camera_deviations,
-    camera_unknowns,
-    gauge_directions,
-    normal_equations,
-    of_pictures,
-    without_boards,
-)
+from thesis_lib.measure.calibration import bundle_adjustment as bundle
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction_ratio
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.studies.schema import label_values, read_variables, with_origin
@@ -53,7 +40,9 @@ MIN_JACKKNIFE_IMAGES = 5
 _COVERED_PROBABILITY = 0.97725  # of the distribution of an error, below two standard deviations
 
 
-def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment) -> Adjustment:
+def jackknife_cameras(
+    observations: Array, points: Array, adjustment: bundle.Adjustment
+) -> bundle.Adjustment:
     """Return the cameras of an adjustment, with deviations that hold for the images as they are.
 
     With fewer than :data:`MIN_JACKKNIFE_IMAGES` shots, or one that nothing can do without, the
@@ -88,34 +77,39 @@ def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment
     matrices, sides = _image_contributions(observations, points, adjustment)
     parts = matrices[:, free][:, :, free] * units[:, None] * units
     right = sides[:, free] * units
-    gauge, _ = np.linalg.qr(gauge_directions(alone)[free] / units[:, None])
-    widths = np.ones(LENS_UNKNOWNS * n)
+    gauge, _ = np.linalg.qr(bundle.gauge_directions(alone)[free] / units[:, None])
+    widths = np.ones(bundle.LENS_UNKNOWNS * n)
     rest = parts.sum(axis=0) + gauge @ gauge.T - parts  # without each image; the gauge stays still
-    if len(parts) < MIN_JACKKNIFE_IMAGES or np.linalg.eigvalsh(rest)[:, 0].min() < MIN_EIGENVALUE:
+    if (
+        len(parts) < MIN_JACKKNIFE_IMAGES
+        or np.linalg.eigvalsh(rest)[:, 0].min() < bundle.MIN_EIGENVALUE
+    ):
         covariance = own * _variance_factor(parts, right, gauge, adjustment.sigma)
     else:
         changes, m = -np.linalg.solve(rest, right[..., None])[..., 0] * units, len(parts)
         covariance = np.zeros_like(own)
         covariance[np.ix_(free, free)] = (m - 1) / m * changes.T @ changes
-        adjusted = int(free[-LENS_UNKNOWNS * n :].sum())
-        widths[free[-LENS_UNKNOWNS * n :]] = _widening_factors(parts, gauge, adjusted)
-    deviations = widths * np.sqrt(np.diag(covariance)[-LENS_UNKNOWNS * n :])
-    return replace(alone, covariance=covariance, deviations=deviations.reshape(-1, LENS_UNKNOWNS))
+        adjusted = int(free[-bundle.LENS_UNKNOWNS * n :].sum())
+        widths[free[-bundle.LENS_UNKNOWNS * n :]] = _widening_factors(parts, gauge, adjusted)
+    deviations = widths * np.sqrt(np.diag(covariance)[-bundle.LENS_UNKNOWNS * n :])
+    return replace(
+        alone, covariance=covariance, deviations=deviations.reshape(-1, bundle.LENS_UNKNOWNS)
+    )
 
 
-def of_cameras(adjustment: Adjustment) -> Array:
+def of_cameras(adjustment: bundle.Adjustment) -> Array:
     """Return an adjustment's own covariance of the cameras: poses, then lenses, (14 n, 14 n).
 
     It takes every corner for an independent witness.
     """
     n = len(adjustment.cameras)
     count = len(adjustment.covariance)
-    which = np.r_[: POSE_UNKNOWNS * n, count - LENS_UNKNOWNS * n : count]
+    which = np.r_[: bundle.POSE_UNKNOWNS * n, count - bundle.LENS_UNKNOWNS * n : count]
     return adjustment.covariance[np.ix_(which, which)]
 
 
 def with_lenses(
-    observations: Array, points: Array, adjustment: Adjustment, held: Array, poses: Array
+    observations: Array, points: Array, adjustment: bundle.Adjustment, held: Array, poses: Array
 ) -> Array:
     """Return covariance of cameras whose lenses were held fixed, errors of these lenses included.
 
@@ -123,11 +117,11 @@ def with_lenses(
     covariance, `poses` what :func:`jackknife_cameras` says of the poses alone; it and the result
     are (14 n, 14 n).
     """
-    cut = POSE_UNKNOWNS * len(adjustment.cameras)
+    cut = bundle.POSE_UNKNOWNS * len(adjustment.cameras)
     units = np.sqrt(np.diag(poses)[:cut])
     N = _image_contributions(observations, points, adjustment)[0].sum(axis=0)
     own = N[:cut, :cut] * units[:, None] * units
-    gauge = gauge_directions(without_boards(adjustment.cameras))[:cut]
+    gauge = bundle.gauge_directions(bundle.without_boards(adjustment.cameras))[:cut]
     Q, _ = np.linalg.qr(gauge / units[:, None])
     moved = -np.linalg.solve(own + Q @ Q.T, units[:, None] * N[:cut, cut:]) * units[:, None]
     T = np.concatenate([moved, np.eye(len(held))])
@@ -135,25 +129,25 @@ def with_lenses(
 
 
 def _image_contributions(
-    observations: Array, points: Array, network: Network
+    observations: Array, points: Array, network: bundle.Network
 ) -> tuple[Array, Array]:
     """Return each image's normal equations: Nₛ (shots, 14 n, 14 n) and gₛ (shots, 14 n)."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     n, shots = seen.shape
-    sides = np.zeros((shots, (POSE_UNKNOWNS + LENS_UNKNOWNS) * n))
+    sides = np.zeros((shots, (bundle.POSE_UNKNOWNS + bundle.LENS_UNKNOWNS) * n))
     matrices = np.zeros((*sides.shape, sides.shape[1]))
     for s in range(shots):
         views = np.flatnonzero(seen[:, s])
         cameras = tuple(network.cameras[c] for c in views)
-        one = Network(cameras, network.rotations[[s]], network.translations[[s]])
+        one = bundle.Network(cameras, network.rotations[[s]], network.translations[[s]])
         uv = observations[views][:, [s]]
-        own = of_pictures(points, np.ix_(views, np.array([s])))
-        N, g, _ = normal_equations(uv, own, one)
-        board = POSE_UNKNOWNS * len(views) + np.arange(POSE_UNKNOWNS)
+        own = bundle.of_pictures(points, np.ix_(views, np.array([s])))
+        N, g, _ = bundle.normal_equations(uv, own, one)
+        board = bundle.POSE_UNKNOWNS * len(views) + np.arange(bundle.POSE_UNKNOWNS)
         both = np.column_stack([N, g])
         both = both - N[:, board] @ np.linalg.solve(N[np.ix_(board, board)], both[board])
         both = np.delete(np.delete(both, board, axis=0), board, axis=1)
-        index = camera_unknowns(views, n)
+        index = bundle.camera_unknowns(views, n)
         matrices[s][np.ix_(index, index)] = both[:, :-1]
         sides[s, index] = both[:, -1]
     return matrices, sides
@@ -215,20 +209,20 @@ def jackknife_calibration(
             for k, camera in enumerate(rig):
                 seen = np.isfinite(corners[k]).any(axis=(1, 2))
                 uv, X = corners[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
-                alone = jackknife_cameras(uv, X, adjust_bundle(uv, X, [camera]))
-                blocks.append(alone.covariance[POSE_UNKNOWNS:, POSE_UNKNOWNS:])
+                alone = jackknife_cameras(uv, X, bundle.adjust_bundle(uv, X, [camera]))
+                blocks.append(alone.covariance[bundle.POSE_UNKNOWNS :, bundle.POSE_UNKNOWNS :])
             lenses = block_diag(*blocks)
-        full = adjust_bundle(corners, points, rig, lenses=lenses is None)
+        full = bundle.adjust_bundle(corners, points, rig, lenses=lenses is None)
         cameras = jackknife_cameras(corners, points, full)
         if lenses is not None and np.isfinite(lenses).all():
             covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
             cameras = replace(cameras, covariance=covariance)
         own = cameras.deviations[:, 0]
-        focal = own if lenses is None else np.sqrt(np.diag(lenses)[::LENS_UNKNOWNS])
+        focal = own if lenses is None else np.sqrt(np.diag(lenses)[:: bundle.LENS_UNKNOWNS])
         values = {
             "board_poses": corners.shape[1],
             "focal_deviation": focal,
-            "centre_deviation": np.linalg.norm(camera_deviations(cameras)[0], axis=1),
+            "centre_deviation": np.linalg.norm(bundle.camera_deviations(cameras)[0], axis=1),
             "covariance": cameras.covariance,
         }
         return calibration.load().assign(label_values(values, VARIABLES))
@@ -244,14 +238,18 @@ def read_deviations(calibration: xr.Dataset, covariance: Array | None) -> xr.Dat
     """Return a reused calibration with the deviations of its covariance; NaN without one."""
     cameras = cameras_in(calibration)
     n = len(cameras)
-    size = (POSE_UNKNOWNS + LENS_UNKNOWNS) * n
+    size = (bundle.POSE_UNKNOWNS + bundle.LENS_UNKNOWNS) * n
     known = np.full((size, size), np.nan) if covariance is None else covariance
     none = np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0)
-    bare = Adjustment(tuple(cameras), *none, 0, 0, np.zeros((n, LENS_UNKNOWNS)), known)
+    bare = bundle.Adjustment(
+        tuple(cameras), *none, 0, 0, np.zeros((n, bundle.LENS_UNKNOWNS)), known
+    )
     values = {
         "board_poses": 0,
-        "focal_deviation": np.sqrt(np.diag(known)[POSE_UNKNOWNS * n :: LENS_UNKNOWNS]),
-        "centre_deviation": np.linalg.norm(camera_deviations(bare)[0], axis=1),
+        "focal_deviation": np.sqrt(
+            np.diag(known)[bundle.POSE_UNKNOWNS * n :: bundle.LENS_UNKNOWNS]
+        ),
+        "centre_deviation": np.linalg.norm(bundle.camera_deviations(bare)[0], axis=1),
         "covariance": known,
     }
     return calibration.assign(label_values(values, VARIABLES))
