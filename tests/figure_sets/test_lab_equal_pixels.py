@@ -111,7 +111,7 @@ def _shape(request):
 @pytest.mark.slow
 def test_a_recording_is_measured_as_well_as_its_scatter_says():
     request = study(trials=0, counts=[2], width_px=480, cases=["pixels"], diameters_mm=[30.0])
-    data = compute.measure(request, 0).isel(rig=0)
+    data = compute.measure_replicate(request, 0).isel(rig=0)
     kind, one = request.rendered_kinds[0], data.expand_dims("replicate")
     error = compute._deflection_errors(request, kind, one, _shape(request))[0]
     scatter = 100 * data["deviation"].values / _shape(request).max()

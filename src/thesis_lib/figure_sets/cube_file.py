@@ -46,16 +46,16 @@ def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
 def make_product(product: Product, asked: Study, scheduler: str = "") -> xr.Dataset:
     """Return a product for a request, with its provenance."""
 
-    def compute(_: object = None) -> xr.Dataset:
+    def compute_result(_: object = None) -> xr.Dataset:
         needs = product.needs(asked)
         inputs = {role: make_product(*needed, scheduler) for role, needed in needs.items()}
         return product.compute(asked, inputs, scheduler)
 
     library = code_digest(product)
     if product.kept:
-        return storage.cached_study(asked, compute, request_key(product, asked), library)
+        return storage.cached_study(asked, compute_result, request_key(product, asked), library)
     begun = time.perf_counter()
-    result = compute()
+    result = compute_result()
     return schema.with_provenance(result, asked, time.perf_counter() - begun, library)
 
 

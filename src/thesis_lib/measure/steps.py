@@ -64,7 +64,7 @@ def calibrate_rig(
     ]
     what += [[lens.K.tolist(), lens.distortion.tolist()] for lens in lenses]
 
-    def compute() -> xr.Dataset:
+    def compute_calibration() -> xr.Dataset:
         say(f"calibrating from {len(shots)} images of the board")
         with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
             corners, lost, single, full = adjust_cameras(manifest, folder, bar.update, lenses)
@@ -82,7 +82,9 @@ def calibrate_rig(
         names = {"camera": [c.name for c in manifest.cameras]}
         return xr.Dataset(variables, names, {"notes": "\n".join(lost)})
 
-    return storage.load_or_compute(steps / "calibration.nc", compute, storage.key_of(what, shots))
+    return storage.load_or_compute(
+        steps / "calibration.nc", compute_calibration, storage.key_of(what, shots)
+    )
 
 
 def inspect_videos(
@@ -100,12 +102,14 @@ def inspect_videos(
     def inspect_camera(index: int, tick: Callable[[int], None]) -> str:
         return describe_repeats(names[index], inspect_film(videos[index], clocks[index], tick))
 
-    def compute() -> xr.Dataset:
+    def compute_reading() -> xr.Dataset:
         repeats = [line for line in _read_all("reading", clocks, inspect_camera) if line]
         reading = [line for video in videos for line in describe_reading(video)]
         return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
 
-    data = storage.load_or_compute(steps / "videos.nc", compute, storage.key_of(names, videos))
+    data = storage.load_or_compute(
+        steps / "videos.nc", compute_reading, storage.key_of(names, videos)
+    )
     return data.attrs["reading"].splitlines(), data.attrs["repeats"].splitlines()
 
 
@@ -118,7 +122,7 @@ def read_sound(
     rates = [c.frame_rate_hz for c in manifest.cameras]
     what = [manifest.excitation.model_dump(mode="json"), names, rates]
 
-    def compute() -> xr.Dataset:
+    def compute_sound() -> xr.Dataset:
         if manifest.excitation.sound != "none":
             say(f"listening to {len(videos)} sound tracks")
         sound = estimate_delays(manifest, folder)
@@ -144,7 +148,7 @@ def read_sound(
         mark_cache(steps)  # now that nothing more is refused
         return data.assign_attrs(synchronisation="\n".join(found.describe(names)))
 
-    return storage.load_or_compute(steps / "sound.nc", compute, storage.key_of(what, videos))
+    return storage.load_or_compute(steps / "sound.nc", compute_sound, storage.key_of(what, videos))
 
 
 def track_markers(

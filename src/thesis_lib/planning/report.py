@@ -44,20 +44,20 @@ def flatten_points(points: Array, azimuth: float, elevation: float) -> Array:
 def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float) -> None:
     """Draw the cameras of one option in a parallel projection from a direction in degrees."""
 
-    def flat(points: Any) -> Array:
+    def to_plane(points: Any) -> Array:
         return flatten_points(np.asarray(points), azimuth, elevation)
 
     outline, where = (_finite(part[name].values) for name in ("outline", "camera_position"))
     centre = (outline.max(axis=0) + outline.min(axis=0)) / 2
     if len(outline) == 4:
-        axes.fill(*flat(outline).T, color="#9a9a9a", zorder=1)
+        axes.fill(*to_plane(outline).T, color="#9a9a9a", zorder=1)
     else:
-        axes.plot(*flat(outline).T, color="#9a9a9a", linewidth=0.8, zorder=1)
+        axes.plot(*to_plane(outline).T, color="#9a9a9a", linewidth=0.8, zorder=1)
     if "marker" in part:
-        dots = flat(part["marker"].values)
+        dots = to_plane(part["marker"].values)
         axes.plot(*dots.T, ".", color=style.INK_COLOR, markersize=1.5, zorder=2)
     for i, place in enumerate(where):
-        sight, foot = flat([place, centre]), flat([place, [place[0], place[1], centre[2]]])
+        sight, foot = to_plane([place, centre]), to_plane([place, [place[0], place[1], centre[2]]])
         axes.plot(*sight.T, color=cycle_color(i), linewidth=0.6, alpha=0.6)
         axes.plot(*foot.T, ":", color=style.REFERENCE_COLOR, linewidth=0.6)
         axes.plot(*sight[0], "o", color=cycle_color(i), markersize=9, zorder=4, clip_on=False)
@@ -65,7 +65,7 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
         axes.annotate(n, sight[0], color="white", size=6.5, ha="center", va="center", zorder=5)
     size = max(np.ptp(where, axis=0).max(), np.ptp(outline, axis=0).max()) / 3
     for axis, name in zip(np.eye(3), "XYZ", strict=True):
-        line = flat([centre, centre + size * axis])
+        line = to_plane([centre, centre + size * axis])
         if np.linalg.norm(line[1] - line[0]) > 1:
             axes.plot(*line.T, color="#777777", linewidth=0.8, zorder=3)
             axes.annotate(name, line[1], color="#777777", fontsize=8, ha="center", va="bottom")

@@ -197,7 +197,7 @@ def jackknife_calibration(
     covariance of lenses that it held fixed, NaN where that is unknown.
     """
 
-    def compute() -> xr.Dataset:
+    def compute_deviations() -> xr.Dataset:
         corners = calibration["corners"].values
         corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
         points, lenses = board.corners_in_images(corners), held
@@ -229,7 +229,7 @@ def jackknife_calibration(
 
     return load_or_compute(
         steps / "cameras.nc",
-        compute,
+        compute_deviations,
         key_of([calibration.attrs["key"], held is not None and held.tolist()]),
     )
 

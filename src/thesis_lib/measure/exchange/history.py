@@ -139,13 +139,13 @@ def _at(
     amplitude = np.where(np.isfinite(amplitude), amplitude, 0)
     normal, omega = data["frame_rotation"].values[2], 2 * np.pi * float(data["frequency"])
 
-    def image(at: Array, loss: float) -> Array:  # at (n, markers) or (n, 1)
+    def image_at(at: Array, loss: float) -> Array:  # at (n, markers) or (n, 1)
         height = loss * np.real(amplitude * np.exp(1j * omega * at))
         points = rest[:, None] + normal[:, None, None] * height
         return np.moveaxis(project(P[None], points)[0], 0, 1)
 
-    blurred = image(s[:, None] + late, float(np.sinc(omega * own.exposure / (2 * np.pi))))
-    whole = _lagrange(s, uv - blurred, times, late) + image(times[:, None], 1.0)
+    blurred = image_at(s[:, None] + late, float(np.sinc(omega * own.exposure / (2 * np.pi))))
+    whole = _lagrange(s, uv - blurred, times, late) + image_at(times[:, None], 1.0)
     return np.moveaxis(np.where(steady[:, None, None], whole, plain), 1, 0)
 
 

@@ -97,7 +97,7 @@ def write_video(
         # Without mbtree, whose assembly is not reproducible at every width; cameras have none.
         name, options = "libx264", {"preset": "medium", "crf": str(crf), "mbtree": "0"}
 
-    def write(part: Path) -> None:
+    def write_part(part: Path) -> None:
         with av.open(
             media_info.file_address(part), "w", format=container, options={"fflags": "+bitexact"}
         ) as file:
@@ -145,7 +145,7 @@ def write_video(
             f"{path}: frame 0 is {first.dtype} of shape {first.shape}, "
             "allowed: uint8 of an even height and width"
         )
-    whole_file(path, write)
+    whole_file(path, write_part)
 
 
 def read_frames(

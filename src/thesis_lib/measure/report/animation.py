@@ -130,7 +130,7 @@ def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
     remaining = iter(frames)
     first = next(remaining)
 
-    def write(part: Path) -> None:
+    def write_part(part: Path) -> None:
         with av.open(
             file_address(part), "w", format="mp4", options={"movflags": "+faststart"}
         ) as file:
@@ -145,4 +145,4 @@ def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
                 file.mux(stream.encode(picture))
             file.mux(stream.encode(None))
 
-    whole_file(path, write)
+    whole_file(path, write_part)
