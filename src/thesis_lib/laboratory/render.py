@@ -21,7 +21,6 @@ from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vision import pinhole
-from thesis_lib.vision.pinhole import Camera
 
 # The spread acts on pixels this much finer: light is spread before pixels collect it
 SUBPIXELS_PER_PIXEL = 2
@@ -113,7 +112,7 @@ class BeamView:
 
     def __init__(
         self,
-        camera: Camera,
+        camera: pinhole.Camera,
         markers: Markers,
         motion: Motion,
         sensor: Sensor,
@@ -155,7 +154,7 @@ class BeamView:
 
 
 def render_board(
-    camera: Camera,
+    camera: pinhole.Camera,
     board: Board,
     rotation: ArrayLike,
     translation: ArrayLike,

@@ -24,7 +24,6 @@ from thesis_lib.measure.calibration.bundle_adjustment import camera_unknowns
 from thesis_lib.measure.calibration.rig import cameras_in
 from thesis_lib.measure.recordings import text_files
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
-from thesis_lib.measure.recordings.text_files import TextFileError
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.fields import format_given
@@ -126,8 +125,8 @@ def _values(path: Path) -> dict[str, Any]:
     parse = parsers.get(path.suffix.lower(), text_files.parse_yaml)
     try:
         values = parse(text_files.read_text(path))
-    except (OSError, TextFileError) as error:
-        why = error if isinstance(error, TextFileError) else error.strerror
+    except (OSError, text_files.TextFileError) as error:
+        why = error if isinstance(error, text_files.TextFileError) else error.strerror
         raise ManifestError(
             f"{path}: not a calibration that can be read ({why}), allowed: {CALIBRATION_KINDS}, "
             f"{OWN_FILE}"
