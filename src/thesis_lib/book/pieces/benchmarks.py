@@ -205,11 +205,6 @@ CHECK_KINDS = {
 CONFORMANCE_PIECES = ("conformance-totals", "conformance-tables")
 
 
-def locate_report() -> Path:
-    """Return where ``make test-all`` leaves what pytest recorded."""
-    return project_root() / "build" / "conformance.xml"
-
-
 def read_checks(path: Path) -> dict[str, Any]:
     """Return what a report of pytest says of checks: date, seconds, checks, and failed tests.
 
@@ -228,7 +223,7 @@ def read_checks(path: Path) -> dict[str, Any]:
         for found in case.iterfind(".//property[@name='conforms']"):
             new = {"test": test, **json.loads(found.get("value", ""))}
             old = checks.get((test, new["line"]), {**new, "count": 0})
-            worst = max(old, new, key=lambda one: one["share"] or 0)
+            worst = max(old, new, key=lambda one: (not one["passed"], one["share"] or 0))
             checks[test, new["line"]] = {**worst, "count": old["count"] + new["count"]}
     return {
         "date": suite.get("timestamp", "").partition("T")[0],
@@ -238,9 +233,9 @@ def read_checks(path: Path) -> dict[str, Any]:
     }
 
 
-def write_conformance(folder: Path, report_path: Path | None = None) -> None:
-    """Write the tables and their totals into a folder, from what the tests last recorded here."""
-    report = read_checks(report_path or locate_report())
+def write_conformance(folder: Path, report_path: Path) -> None:
+    """Write the tables and their totals into a folder, from a report of pytest."""
+    report = read_checks(report_path)
     files: dict[str, list[dict[str, Any]]] = {}
     for check in report["checks"]:
         file, _, name = check["test"].partition("::")
