@@ -243,7 +243,6 @@ def write_conformance(folder: Path, report_path: Path) -> None:
         check["percent"] = None if check["share"] is None else int(100 * check["share"])
         files.setdefault(file, []).append(check)
     kinds = [check["kind"] for check in report["checks"]]
-    counts = {words: kinds.count(kind) for kind, words in CHECK_KINDS.items()}
+    report["counts"] = {words: kinds.count(kind) for kind, words in CHECK_KINDS.items()}
     for piece in CONFORMANCE_PIECES:
-        text = render(__file__, piece, **report, files=files, counts=counts)
-        whole_text(folder / f"{piece}.md", text)
+        whole_text(folder / f"{piece}.md", render(__file__, piece, **report, files=files))
