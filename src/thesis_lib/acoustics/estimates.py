@@ -10,6 +10,8 @@ exactly. So errors have a power of their own, which is taken off; and since x̂ 
 the first term of the variance too large by 4 tr AΣAΣ, that is taken off, too.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +44,7 @@ class Amplitudes:
         """Return the real parts, then imaginary parts, shape (2n,)."""
         return np.concatenate([self.value.real, self.value.imag])
 
-    def part(self, places: IntArray) -> "Amplitudes":
+    def part(self, places: IntArray) -> Amplitudes:
         """Return the amplitudes at some places."""
         both = np.concatenate([places, len(self.value) + places])
         return Amplitudes(self.value[places], self.covariance[np.ix_(both, both)])

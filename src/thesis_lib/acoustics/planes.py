@@ -10,9 +10,11 @@ the rms error on a plane is ω ‖F e‖ with a small triangular factor F; the p
 radiation resistance R.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 
@@ -191,7 +193,7 @@ class PlateSound:
         medium: radiation.Medium,
         omega: float,
         reference: Array,
-    ) -> Self:
+    ) -> PlateSound:
         """Build from a true deflection (markers,) in m at an angular frequency in rad/s."""
         operators = tuple(plane_operator(plate, plane, omega, medium) for plane in planes)
         factors = tuple(full_factor(op) for op in operators)

@@ -20,9 +20,10 @@ is integrated exactly, as of a lattice of ring vortices. Such a lattice acts as 
 a quarter of a cell at each edge, so that much is left out.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class Surface:
     @classmethod
     def from_outline(
         cls, outline: ArrayLike, nodes: int, origin: tuple[float, float] = (0.0, 0.0)
-    ) -> Self:
+    ) -> Surface:
         """Cover corners (n, 2) in m, with about so many nodes in the box around them.
 
         Sound is computed from an origin in the outline's frame.
@@ -164,7 +165,7 @@ class Screen:
     size: Array  #: Length and width of a cell in m, shape (2,)
 
     @classmethod
-    def from_outline(cls, outline: ArrayLike, cells: int) -> Self:
+    def from_outline(cls, outline: ArrayLike, cells: int) -> Screen:
         """Cover corners (n, 2) in m, with about so many cells in the box around them."""
         corners = np.asarray(outline, float)
         low, extent = corners.min(axis=0), np.ptp(corners, axis=0)

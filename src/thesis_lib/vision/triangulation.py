@@ -15,6 +15,9 @@ through ``thesis_lib.vision.compiled`` where numba is installed; the results are
 rounding.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from thesis_lib.arrays import Array, ArrayLike
@@ -53,15 +56,10 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     n = len(P)
     pixels = uv.reshape(n, 2, -1)
     points = np.empty((3, pixels.shape[2]))
-    if points.shape[1] > _COMPILED_ABOVE:
-        try:
-            from thesis_lib.vision.compiled import solve_points
-        except ImportError:  # numba is not installed
-            pass
-        else:
-            given = map(np.ascontiguousarray, (*centre_projections(P), pixels))
-            solve_points(*given, steps, points)
-            return points.reshape((3,) + uv.shape[2:])
+    solve = _load_compiled() if points.shape[1] > _COMPILED_ABOVE else None
+    if solve is not None:
+        solve(*map(np.ascontiguousarray, (*centre_projections(P), pixels)), steps, points)
+        return points.reshape((3,) + uv.shape[2:])
     block = max(1, min(_BLOCK_POINTS, _BLOCK_VALUES // n, pixels.shape[2]))
     solver = _NormalEquations(P, block)
     with np.errstate(divide="ignore", invalid="ignore"):  # degenerate rays end as NaN or inf
@@ -69,6 +67,15 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
             part = slice(start, start + block)
             points[:, part] = solver.solve(pixels[:, :, part], steps)
     return points.reshape((3,) + uv.shape[2:])
+
+
+def _load_compiled() -> Callable[..., Any] | None:
+    """Return the compiled solver if numba is installed."""
+    try:
+        from thesis_lib.vision.compiled import solve_points
+    except ImportError:
+        return None
+    return solve_points
 
 
 def check_arrays(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:

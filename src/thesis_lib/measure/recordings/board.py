@@ -10,10 +10,12 @@ comes last. Positions on the structure are in its own frame (x from the clamp, y
 world's origin is the structure's centre.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -127,7 +129,7 @@ class BoardSpec(Fields):
     thickness_mm: Real = Field(0.0, ge=0, le=100, description="distance of the two printed sides")
 
     @model_validator(mode="after")
-    def _check(self) -> Self:
+    def _check(self) -> BoardSpec:
         if self.kind == "checkerboard":
             for name in ("mark_mm", "dictionary"):
                 if (given := getattr(self, name)) is not None:

@@ -4,6 +4,8 @@ Centres go to a file that is read back in parts; beside it stands how far the tr
 what it knew there, so that a recording that was stopped in the middle goes on from there.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 import math
@@ -12,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +55,7 @@ class Recording:
         own = self.stamps if self.stamps is not None else np.arange(len(self.centres)) / self.rate
         return own * self.pace + self.delay
 
-    def paced(self, pace: float, at: float) -> Self:
+    def paced(self, pace: float, at: float) -> Recording:
         """Return the recording with a clock that runs this much slower, and is right at a time."""
         return replace(self, pace=self.pace * pace, delay=at + (self.delay - at) * pace)
 
