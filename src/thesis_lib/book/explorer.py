@@ -23,7 +23,6 @@ from thesis_lib.files import whole_text
 from thesis_lib.notebook.show import form_data
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
-from thesis_lib.studies.cubes import read_published
 from thesis_lib.web.html import VIEWER_CSS, copy_plain, join_modules, read_asset, static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 
@@ -68,7 +67,7 @@ def explorer_data() -> dict[str, Any]:
 
 
 def _list_setups(study: CameraStudy) -> list[dict[str, Any]]:
-    published, claims = read_published(study.name), claims_of(study.name)
+    published, claims = cubes.read_published(study.name), claims_of(study.name)
     found: dict[tuple[object, ...], list[float]] = {}
     if published is not None:
         numbers = published.set_index([*cubes.ROW_KEYS, "error"])[cubes.STATISTIC_NAMES]

@@ -6,7 +6,6 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study
@@ -45,11 +44,12 @@ class Cameras(Study):
         [800, 1024, 1280, 1600], description="widths of images in the formats 4:3 and 3:2"
     )
     focal_length_mm: fields.Positive = Field(
-        assumed_values("beam")["focal_length_mm"],
+        setups.assumed_values("beam")["focal_length_mm"],
         description="focal length of the lens everywhere else",
     )
     sensor_width_mm: fields.Positive = Field(
-        assumed_values("beam")["sensor_width_mm"], description="width of the sensor everywhere else"
+        setups.assumed_values("beam")["sensor_width_mm"],
+        description="width of the sensor everywhere else",
     )
     resolution_px: fields.SensorSize = Field(
         tuple(setups.setup_table("beam", "distance")["resolution_px"]),
@@ -93,11 +93,11 @@ class Cameras(Study):
         200, description="random shifts of the pixel grids of the parallel pair"
     )
 
-    def settings(self) -> list[Setting]:
+    def settings(self) -> list[setups.Setting]:
         """Return one setting per distance: the camera that looks at the beam."""
         direction = ((self.azimuth_deg, self.elevation_deg),)
         return [
-            Setting("beam", d, f"{d:g} mm", d, direction, self.resolution_px)
+            setups.Setting("beam", d, f"{d:g} mm", d, direction, self.resolution_px)
             for d in self.distances_mm
         ]
 
