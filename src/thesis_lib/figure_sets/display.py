@@ -47,8 +47,7 @@ def draw_picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
         if not hasattr(figures, name):
             hint = suggest_name(name, vars(figures))
             raise AttributeError(f"{figures.__file__} has no function {name}{hint}")
-        drawing: Figure | None = getattr(figures, name)(cube, *which)
-        return drawing
+        return getattr(figures, name)(cube, *which)
 
 
 def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:
@@ -75,14 +74,12 @@ def read_captions(figure_set: str) -> dict[str, dict[str, str]]:
     """Return what ``captions.toml`` in a figure set's folder says, by function that draws."""
     file = Path(str(figures_module(figure_set).__file__)).with_name("captions.toml")
     text = file.read_text(encoding="utf-8") if file.is_file() else ""
-    captions: dict[str, dict[str, str]] = tomllib.loads(text).get(figure_set, {})
-    return captions
+    return tomllib.loads(text).get(figure_set, {})
 
 
 def picture_style(figure_set: str) -> Mapping[str, Any]:
     """Return parameters of Matplotlib for a figure set's figures, by its module's ``STYLE``."""
-    style: Mapping[str, Any] = getattr(figures_module(figure_set), "STYLE", {})
-    return style
+    return getattr(figures_module(figure_set), "STYLE", {})
 
 
 def list_captions(study: Study, source: str) -> Iterator[panels.Caption]:

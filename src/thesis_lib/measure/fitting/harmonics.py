@@ -65,8 +65,7 @@ class Harmonics:
     def at(self, omega: float, times: ArrayLike) -> Array:
         """Return the values at times (n,), shape (n, ...)."""
         order = (len(self.coefficients) - 1) // 2
-        values: Array = np.tensordot(harmonic_basis(omega, times, order), self.coefficients, axes=1)
-        return values
+        return np.tensordot(harmonic_basis(omega, times, order), self.coefficients, axes=1)
 
 
 def harmonic_basis(omega: float, times: ArrayLike, order: int) -> Array:

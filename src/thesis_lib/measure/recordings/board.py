@@ -87,8 +87,7 @@ class Board:
         dark = (i + j) % 2 == 0
         low = np.stack([i[dark] - self.columns / 2, j[dark] - self.rows / 2], axis=-1)
         square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-        vertices: Array = (low[:, None] + square) * self.tile
-        return vertices
+        return (low[:, None] + square) * self.tile
 
     @property
     def outline(self) -> Array:
