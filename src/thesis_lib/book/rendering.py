@@ -295,20 +295,13 @@ UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").fo
   link => link.protocol === "file:" && link.replaceWith(...link.childNodes))"""
 
 
-def find_browser() -> str:
-    """Return the path of Chromium or Chrome; raise BookError if there is none."""
-    given = os.environ.get("CHROME_BIN", "chromium")
-    for name in (given, "chromium", "chromium-browser", "google-chrome"):
-        if path := shutil.which(name):
-            return path
-    raise web_page.BookError(
-        "to print the book install Chromium, for example `apt install chromium`"
-    )
-
-
 def print_book(root: Path) -> Path:
     """Print the book of a project in which `thesis book` has run, as it was last executed."""
-    browser, pdf = find_browser(), root / "build" / f"{ARCHIVE_NAME}.pdf"
+    names = os.environ.get("CHROME_BIN", ""), "chromium", "chromium-browser", "google-chrome"
+    browser = next(filter(None, map(shutil.which, names)), "")
+    if not browser:
+        advice = "install Chromium, for example `apt install chromium`"
+        raise web_page.BookError(f"to print the book {advice}")
     if not (root / "build" / "html" / "index.html").is_file():
         raise web_page.BookError("there is no book to print yet: run `thesis book` first")
     progress = Progress(2)
@@ -317,8 +310,8 @@ def print_book(root: Path) -> Path:
         page = run_sphinx(root, "singlehtml") / "intro.html"
         text = prepare_page(page.read_text(encoding="utf-8"))
         (printable := page.with_name("print.html")).write_text(text, encoding="utf-8")
+    pdf, style = root / "build" / f"{ARCHIVE_NAME}.pdf", root / "book" / "assets" / "print.css"
     with progress.report_step("print"):
-        style = root / "book" / "assets" / "print.css"
         whole_file(pdf, lambda part: print_page(browser, printable, style, part))
     return pdf
 
