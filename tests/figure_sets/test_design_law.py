@@ -204,6 +204,7 @@ def test_pixels_per_second_are_shared_out_to_the_last(conforms, total, n, rate):
 # (a) The law.
 
 
+@pytest.mark.slow
 def test_relative_error_grows_as_the_inverse_root_below_a_pixel_and_whole_ones_are_exact(
     conforms, cube
 ):
@@ -216,6 +217,7 @@ def test_relative_error_grows_as_the_inverse_root_below_a_pixel_and_whole_ones_a
         conforms.order(simulation.fit_exponent(motion[small], relative), -0.5, atol=tolerance)
 
 
+@pytest.mark.slow
 def test_law_is_the_simulation_for_every_setting_of_the_thesis(conforms, cube):
     assert cube["law_error"].shape == (112, 3)
     ratio = cube["law_error"].values / cube["simulated_error"].values
@@ -228,6 +230,7 @@ def test_law_is_the_simulation_for_every_setting_of_the_thesis(conforms, cube):
 # (b) The cone.
 
 
+@pytest.mark.slow
 def test_cone_of_the_cube(conforms, cube):
     conforms.closed_form(float(cube["cone_difference"]), below=1e-12)
     conforms.independent(cube["cone_error"], cube["cone_jacobian_error"], rtol=1e-12)
@@ -246,6 +249,7 @@ def of(cube, kind, finding):
     return cube[f"{kind}_exponent"].sel(finding=finding).values
 
 
+@pytest.mark.slow
 def test_findings_follow_the_law_at_the_centre_over_all_markers_and_far_below_a_pixel(
     conforms, cube
 ):
@@ -279,6 +283,7 @@ def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
 # (d) Equal pixels per second.
 
 
+@pytest.mark.slow
 def test_number_of_cameras_cancels_and_frames_cost_their_root(conforms, cube, study):
     total = cube["count"] * cube["width_px"] * cube["height_px"] * cube["frame_rate"]
     conforms.invariance(total, study.pixels_per_second, rtol=1e-13)
@@ -291,6 +296,7 @@ def test_number_of_cameras_cancels_and_frames_cost_their_root(conforms, cube, st
     conforms.closed_form(independent / independent[0, 0], 1, atol=0.01)
 
 
+@pytest.mark.slow
 def test_drawn_frames_and_films_are_the_law(conforms, cube):
     frames = cube["drawn_frame_error"].isel(estimator=0) / cube["frame_error"]
     conforms.sampled(frames, 1, atol=0.12)
@@ -302,6 +308,7 @@ def test_drawn_frames_and_films_are_the_law(conforms, cube):
 # With noise.
 
 
+@pytest.mark.slow
 def test_no_draw_is_below_the_bound_beyond_its_sampling_error(conforms, cube):
     interval, std = (
         cube[f"noisy_share_error{kind}"].sel(approach="interval").values for kind in ("", "_std")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from thesis_lib import files
 from thesis_lib.acoustics.planes import full_factor, plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import claims, setups
@@ -259,8 +260,8 @@ def test_most_stated_plane_errors_of_chapter_6_are_met(conforms):
 def test_deflections_are_computed_once_for_parameters_and_library(tmp_path, monkeypatch):
     library, computed, run = tmp_path / "library.py", [], studies.run
     library.write_text("one")
-    monkeypatch.setattr(studies_cache, "cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr(studies_cache, "library_files", lambda: [library])
+    monkeypatch.setattr(files, "cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr(files, "library_files", lambda: [library])
 
     def counting(study, *more, **values):
         computed.append(study.name)
