@@ -28,6 +28,16 @@ from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.schema import Variable
 
+LARGE = ("design-law", "planner")  # whose small cubes take half a minute, too
+
+
+def each(cases):
+    """Mark the cases of large cubes as slow; a case is a name, or begins with one."""
+    tuples = [(case,) if isinstance(case, str) else case for case in cases]
+    slow = [pytest.mark.slow]
+    return [pytest.param(*one, marks=slow if one[0] in LARGE else []) for one in tuples]
+
+
 WHICH = {("claims", "chapter"): [(n,) for n in (3, 4, 5, 6)], ("lab-modes", "aliases"): [(2,)]}
 
 
@@ -117,7 +127,7 @@ def test_every_text_is_among_them(name):
 
 @pytest.mark.parametrize(
     ("name", "text", "variable"),
-    [(name, *one) for name, texts in FROM.items() for one in texts.items()],
+    each((name, *one) for name, texts in FROM.items() for one in texts.items()),
 )
 def test_texts_have_the_numbers_of_the_cube(name, text, variable):
     cube = small_cube(name)
@@ -128,6 +138,7 @@ def test_texts_have_the_numbers_of_the_cube(name, text, variable):
     assert display.fill_text(cube.assign({variable: changed}), text) != told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", FROM["planner"])
 def test_texts_of_plans_do_not_hang_on_last_digits(text):
     cube, rng = small_cube("planner"), np.random.default_rng(0)
@@ -229,13 +240,13 @@ def small(name):
     return own_cube() if name == "claims-layouts" else small_cube(name)
 
 
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("name", each(SMALL))
 def test_small_cubes_have_units_and_long_names(name):
     assert faults(attributes_of(small(name))) == []
 
 
 # Chapter 5 declares some variables by other dimensions: those of its recordings.
-@pytest.mark.parametrize("name", sorted({*SMALL} - {"experiment-cameras"}))
+@pytest.mark.parametrize("name", each(sorted({*SMALL} - {"experiment-cameras"})))
 def test_variables_are_numbers_or_words_along_the_declared_dimensions(name):
     known = {}
     for path, one in declared().items():
@@ -253,7 +264,7 @@ def test_variables_are_numbers_or_words_along_the_declared_dimensions(name):
         ), variable
 
 
-@pytest.mark.parametrize("name", [*REQUESTS, *OF_LEDGER])
+@pytest.mark.parametrize("name", each([*REQUESTS, *OF_LEDGER]))
 def test_file_opens_without_options_and_holds_the_cube(tmp_path, name):
     cube, path = small_cube(name), tmp_path / "new" / "cube.nc"
     storage.write_netcdf(cube, path)
