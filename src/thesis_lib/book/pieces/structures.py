@@ -11,7 +11,6 @@ import pandas as pd
 from thesis_lib.acoustics import planes, radiation
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import assumed_values
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.planning import errors
@@ -78,7 +77,9 @@ def tabulate_modes(structure: structures.Structure, unit: str, scale: float) -> 
 def describe_beam_cameras(_: Cubes) -> str:
     """Describe lens, sensor and amplitude of the beam's cameras, unless a study varies them."""
     width, height = camera_study("beam-distance").settings()[0].resolution_px
-    return render(__file__, "beam-cameras", lens=assumed_values("beam"), width=width, height=height)
+    return render(
+        __file__, "beam-cameras", lens=setups.assumed_values("beam"), width=width, height=height
+    )
 
 
 def tabulate_motion(_: Cubes) -> str:
