@@ -6,9 +6,9 @@ Tables are tidy, one number to a row. The interactive viewer takes its data as p
 import base64
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import product
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -120,21 +120,28 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
     if "case" not in cube:
         return table
     table = table.rename(columns={"label": "setting", "low": "low_5", "high": "high_95"})
-    cases, modes = cube["case"].values, cube["mode"].values.tolist()
-    parameters = cube["parameter"].values.tolist()
-    extra = []  # prediction and claimed values, by error, setting and mode as in the table
-    for error in cubes.cube_errors(cube):
-        predicted = np.full((len(cases), len(modes)), np.nan)
-        said: Any = np.full(predicted.shape, None)
-        if error != "max_point_error" or f"predicted_{error}" in cube:
-            predicted = cubes.predicted_value(cube, error).transpose("setting", "mode").values
-        for case, (m, mode) in product(list_cases(cube), enumerate(modes)):
-            said[cases == case, m] = claimed_errors(cube, case, mode, error)
-        for (s, m), claim in np.ndenumerate(said):
-            stated = (*claim.ends, claim.stated) if claim else (None, None, None)
-            about = {"parameter": parameters[s], "predicted": float(predicted[s, m])}
-            extra.append(about | dict(zip(_CLAIMED_FIELDS, stated, strict=True)))
+    extra = [row for error in cubes.cube_errors(cube) for row in _by_setting(cube, error)]
     return pd.concat([table, pd.DataFrame(extra)], axis=1)
+
+
+def _by_setting(cube: xr.Dataset, error: str) -> Iterator[dict[str, Any]]:
+    """Yield prediction and claimed values of an error by setting and mode."""
+    cases, modes = cube["case"].values, cube["mode"].values.tolist()
+    predicted = np.full((len(cases), len(modes)), np.nan)
+    said: Any = np.full(predicted.shape, None)
+    if error != "max_point_error" or f"predicted_{error}" in cube:
+        predicted = cubes.predicted_value(cube, error).transpose("setting", "mode").values
+    for case in dict.fromkeys(cases.tolist()):
+        for m, mode in enumerate(modes):
+            said[cases == case, m] = claimed_errors(cube, case, mode, error)
+    for s, m in np.ndindex(said.shape):
+        claim = said[s, m]
+        stated = (*claim.ends, claim.stated) if claim else (None, None, None)
+        yield {
+            "parameter": str(cube["parameter"].values[s]),
+            "predicted": float(predicted[s, m]),
+            **dict(zip(_CLAIMED_FIELDS, stated, strict=True)),
+        }
 
 
 def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
@@ -155,30 +162,33 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
         about = {"quantity": row["error"], "setting": row["setting"], "unit": "percent"}
         kept = [name for name in statistics if not pd.isna(row[name])]
         rows += [{**about, "statistic": name, "value": row[name]} for name in kept]
-    tabulated = {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
-    labels = part["label"].values.astype(str)
-    places = {f"{a}_mm": part[a].values * 1000 for a in "xy" if a in part}
-    for name, values in part.isel(trial=0, missing_dims="ignore").data_vars.items():
-        if values.dtype.kind != "f" or name in tabulated or str(name).startswith("predicted_"):
-            continue
-        about = {"quantity": name, "unit": str(values.attrs.get("units", "1"))}
-        array, shown = values.values, []
-        if values.dims == ("setting",):
-            known = np.isfinite(array)
-            of_settings = zip(labels[known], array[known], strict=True)
-            rows += [{**about, "setting": label, "value": value} for label, value in of_settings]
-        elif values.dims == ("point",):
-            shown = [("", array)]
-        elif values.dims == ("setting", "point"):
-            shown = [(labels[index], array[index]) for index in best_and_worst(part)]
-        for label, own in shown:
-            about["setting"] = label
-            for point in np.flatnonzero(np.isfinite(own)):
-                here = {axis: place[point] for axis, place in places.items()}
-                rows.append({**about, **here, "point": point + 1, "value": own[point]})
+    rows += [row for name in part.data_vars for row in _drawn_values(part, str(name))]
     columns = ["quantity", "statistic", "setting", "point", "x_mm", "y_mm", "value", "unit"]
     table = pd.DataFrame(rows, columns=columns)
     return table.astype({"point": "Int64"})
+
+
+def _drawn_values(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
+    """Yield the values of one variable of a case and mode, if a figure shows them."""
+    values = part[name].isel(trial=0, missing_dims="ignore")
+    tabulated = {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
+    if values.dtype.kind != "f" or name in tabulated or name.startswith("predicted_"):
+        return
+    about = {"quantity": name, "unit": str(values.attrs.get("units", "1"))}
+    array, labels, shown = values.values, part["label"].values.astype(str), []
+    if values.dims == ("setting",):
+        known = np.isfinite(array)
+        for label, value in zip(labels[known], array[known], strict=True):
+            yield {**about, "setting": label, "value": value}
+    elif values.dims == ("point",):
+        shown = [("", array)]
+    elif values.dims == ("setting", "point"):
+        shown = [(labels[index], array[index]) for index in best_and_worst(part)]
+    places = {f"{a}_mm": part[a].values * 1000 for a in "xy" if a in part}
+    for label, own in shown:
+        for point in np.flatnonzero(np.isfinite(own)):
+            here = {axis: place[point] for axis, place in places.items()}
+            yield {**about, "setting": label, **here, "point": point + 1, "value": own[point]}
 
 
 def as_csv(table: pd.DataFrame) -> str:
@@ -223,10 +233,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
         rows = np.unique(cube["y"].values)
         cube = cube.isel(point=np.flatnonzero(cube["y"].values == rows[len(rows) // 2]))
     length, width = schema.structure_extent(cube)
-    cases, numbers = (
-        dict(zip(cube["case"].values.tolist(), cube[name].values, strict=True))
-        for name in ("case_title", "thesis_figure")
-    )
+    cases = dict(zip(cube["case"].values.tolist(), cube["case_title"].values, strict=True))
     modes = cube["mode"].values.tolist()
     size: dict[str, Any] = {"length_mm": round(1e3 * length, 3), "width_mm": round(1e3 * width, 3)}
     if structure == "panel":
@@ -246,10 +253,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
             {
                 "name": case,
                 "title": str(title) or "own layout",
-                "figures": {
-                    str(mode): str(number) if said["in_the_thesis"] else ""
-                    for mode, number in zip(modes, numbers[case], strict=True)
-                },
+                "figures": _figures(cube, case),
                 "settings": _settings(cube, case, modes, _planes if kind == "sound" else _shape),
             }
             for case, title in cases.items()
@@ -274,6 +278,14 @@ def _in_cells(cube: xr.Dataset) -> xr.Dataset:
     columns, rows = np.tile(x, len(y)), np.repeat(y, len(x))
     rest = cube.drop_vars([*names, "x", "y"])
     return rest.assign(wide).assign_coords(x=("point", columns), y=("point", rows))
+
+
+def _figures(cube: xr.Dataset, case: str) -> dict[str, str]:
+    """Return the numbers of the thesis's figures of a case by mode; empty for other parameters."""
+    row = cube["case"].values.tolist().index(case)
+    numbers = cube["thesis_figure"].values[row] if cube.attrs["in_the_thesis"] else []
+    modes = map(str, cube["mode"].values.tolist())
+    return dict(zip_longest(modes, map(str, numbers), fillvalue=""))
 
 
 def _settings(

@@ -172,18 +172,23 @@ def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> b
     content, tag = io.BytesIO(), b"<svg "
     with in_style(changed):
         if kind == "svg":
-            if engine := figure.get_layout_engine():  # to save would draw all to place the panels
-                figure.set_canvas(FigureCanvasSVG(figure))
-                figure.dpi = 72  # as the file has it
-                engine.execute(figure)
-                figure.set_layout_engine(None)
-                for axes in figure.axes:  # the solver's last digits hang on addresses in memory
-                    place = axes.get_position(original=True).bounds
-                    axes.set_position(tuple(round(each, _BOX_DIGITS) for each in place))
+            _lay_out(figure)
             if panels := find_panels(figure):  # the book shows them below each other on a phone
                 tag = f'<svg data-panels="{panels}" '.encode()
         figure.savefig(content, format=kind, metadata={without: None}, **how)
     return content.getvalue().replace(b"<svg ", tag, 1)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the panels as a file of 72 dots per inch has them; to save would draw all to do so."""
+    if engine := figure.get_layout_engine():
+        figure.set_canvas(FigureCanvasSVG(figure))
+        figure.dpi = 72
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+        for axes in figure.axes:  # the solver's last digits hang on addresses in memory
+            place = axes.get_position(original=True).bounds
+            axes.set_position(tuple(round(each, _BOX_DIGITS) for each in place))
 
 
 def find_panels(figure: Figure) -> str:
@@ -207,26 +212,36 @@ def find_panels(figure: Figure) -> str:
             boxes[boxes.index(upper)] = _join(upper, box)
         else:
             boxes.append(box)
-    panels = [one for one in boxes if one[2] - one[0] > MAX_SCALE_WIDTH]
-    for scale in (one for one in boxes if one not in panels):  # of colours: part of what is left
-        left = [one for one in panels if one[0] < scale[0] and _abreast(one, scale)]
-        if left:
-            panels[panels.index(max(left))] = _join(max(left), scale)
-        else:
-            panels.append(scale)
-    rows: list[list[Box]] = []
-    for box in sorted(panels, key=lambda one: one[1]):
-        if rows and _abreast(rows[-1][0], box):
-            rows[-1].append(box)
-        else:
-            rows.append([box])
-    boxes = [box for row in rows for box in sorted(row)]
+    boxes = _sort_for_reading(_join_scales(boxes))
     if not any(_abreast(*two) for two in pairwise(boxes)):
         return ""
     return ";".join(
         f"{100 * left:.1f} {100 * top:.1f} {100 * (right - left):.1f} {100 * (bottom - top):.1f}"
         for left, top, right, bottom in boxes
     )
+
+
+def _join_scales(boxes: list[Box]) -> list[Box]:
+    """Join each narrow box, a colour scale, with the panel on its left."""
+    panels = [one for one in boxes if one[2] - one[0] > MAX_SCALE_WIDTH]
+    for scale in (one for one in boxes if one not in panels):
+        left = [one for one in panels if one[0] < scale[0] and _abreast(one, scale)]
+        if left:
+            panels[panels.index(max(left))] = _join(max(left), scale)
+        else:
+            panels.append(scale)
+    return panels
+
+
+def _sort_for_reading(boxes: list[Box]) -> list[Box]:
+    """Sort boxes by row, and from left to right in each row."""
+    rows: list[list[Box]] = []
+    for box in sorted(boxes, key=lambda one: one[1]):
+        if rows and _abreast(rows[-1][0], box):
+            rows[-1].append(box)
+        else:
+            rows.append([box])
+    return [box for row in rows for box in sorted(row)]
 
 
 def _join(one: Box, other: Box) -> Box:

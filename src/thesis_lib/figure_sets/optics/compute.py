@@ -7,6 +7,7 @@ these only the strip that holds the beam is drawn. They are ``(rows, columns)`` 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -34,15 +35,28 @@ def run(study: Cameras) -> xr.Dataset:
     ``distance`` holds those asked for among others; ``quantity``, ``value`` and ``unit`` are what
     runs are compared by.
     """
+    cube = xr.Dataset(coords=_coordinates(study))
+    for part in (_views, _projections, _horizons, _pictures, _sharpness, _stereo, _summary):
+        cube = cube.assign(label_values(part(cube, study), VARIABLES))
+    return cube
+
+
+def focal_px(study: Cameras) -> float:
+    """Return the focal length in px of the images that are not drawn."""
+    return study.focal_length_mm * study.resolution_px[0] / study.sensor_width_mm
+
+
+def _coordinates(study: Cameras) -> dict[str, Any]:
     asked = np.array(study.distances_mm) / 1000
     curve = np.geomspace(asked.min(), MAX_DISTANCE_RATIO * asked.max(), CURVE_POINTS)
-    coordinates = {
+    every = np.unique(np.round(np.concatenate([curve, asked]), 9))
+    values = {
         "sensor": list(study.sensors_mm),
         "side": list(SENSOR_SIDES),
         "focal_length": np.array(study.focal_lengths_mm) / 1000,
         "ratio": list(ASPECT_RATIOS),
         "format_width": study.format_widths_px,
-        "distance": np.unique(np.round(np.concatenate([curve, asked]), 9)),
+        "distance": every,
         "shown_distance": np.round(asked, 9),
         "projection": ["pinhole", "one depth"],
         "axis": ["u", "v"],
@@ -53,15 +67,7 @@ def run(study: Cameras) -> xr.Dataset:
         "f_number": study.f_numbers,
         "baseline": np.array(study.baselines_mm) / 1000,
     }
-    cube = xr.Dataset(coords=label_values(coordinates, COORDINATES))
-    for part in (_views, _projections, _horizons, _pictures, _depths, _summary):
-        cube = cube.assign(label_values(part(cube, study), VARIABLES))
-    return cube
-
-
-def focal_px(study: Cameras) -> float:
-    """Return the focal length in px of the images that are not drawn."""
-    return study.focal_length_mm * study.resolution_px[0] / study.sensor_width_mm
+    return label_values(values, COORDINATES)
 
 
 def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
@@ -134,51 +140,39 @@ def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
         np.kron(one, np.ones((block, block)))[::least, ::least]
         for one, block in zip(grey, blocks, strict=True)
     ]
-    true, pattern = picture.colours(least), study.bayer_pattern
-    raw = optics.bayer_mosaic(true, pattern)
-    filtered = np.where(optics.bayer_masks(raw.shape, pattern), raw[..., None], 0.0)
-    found = optics.demosaic_image(raw, pattern)
-    difference = (found - true)[optics.block_means(picture.beam, least) > 0]  # on the beam
-    moved = picture.centroids(found, least) - picture.centroids(true, least)
-    moved = moved[np.isfinite(moved).all(axis=1)]
-    sizes = np.bincount(picture.cells(least).ravel() + 1, minlength=2)[1:]
-    u, v = picture.images(picture.structure.markers[0][[np.argmax(sizes)]], least)[:, 0]
-    part = []  # rows and columns around the largest marker
-    for middle, size, whole in zip((v, u), CROP_SIZE_PX, raw.shape, strict=True):
-        start = int(np.clip(round(middle - size / 2), 0, max(whole - size, 0)))
-        start -= start % 2  # so that the filters' pattern begins as the sensor's does
-        part.append(slice(start, min(start + size, whole)))
     return {
         "pixelated": np.rint(255 * np.array(shown)).astype("u1"),
         "pixel_size": nearest / focal / np.array(study.widths_px),
         "marker_contrast": [100 * picture.contrast(block) for block in blocks],
         "variance_kept": [100 * one.var() / finest.var() for one in grey],
-        # As it is, with each pixel in its filter's colour alone, and interpolated bilinearly
-        "colour_picture": np.array([stage[*part] for stage in (true, filtered, found)], "f4"),
-        "colour_error": 100 * float(np.sqrt(np.mean(difference**2))),
-        "largest_colour_error": 100 * float(np.max(np.abs(difference))),
-        "centre_shift": float(np.sqrt(np.mean(moved**2))) if len(moved) else np.nan,
+        **colour_loss(picture, least, study.bayer_pattern),
     }
 
 
-def _depths(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """Compute a lens's depth of field (Appendix A), two parallel cameras' depth error (B)."""
+def _sharpness(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """Compute the depth of field of a lens (Appendix A)."""
     focal, circle = study.focal_length_mm / 1000, study.circle_mm / 1000
     d, N = cube["distance"].values, cube["f_number"].values
     near, far = optics.depth_of_field(focal, N[:, None], d, circle)
-    b, f = cube["baseline"].values[:, None], focal_px(study)
-    shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0]
-    found = optics.round_depth(d, b, f, shifts)
     return {
         "near_limit": near,
         "far_limit": far,
         "hyperfocal_distance": optics.hyperfocal_distance(focal, N, circle),
         "circle": study.circle_mm * study.resolution_px[0] / study.sensor_width_mm,
         "magnification": optics.image_magnification(focal, d),
-        "disparity": optics.stereo_disparity(d, b, f),
-        "depth_error": optics.depth_error(d, b, f, study.disparity_error_px),
-        "rounding_depth_error": optics.depth_error(d, b, f, ROUNDED_PX),
-        "rounded_depth_error": np.sqrt(np.mean((found - d) ** 2, axis=0)),
+    }
+
+
+def _stereo(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
+    """Compute the depth error of two parallel cameras (Appendix B)."""
+    z, b, f = cube["distance"].values, cube["baseline"].values[:, None], focal_px(study)
+    shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0]
+    found = optics.round_depth(z, b, f, shifts)
+    return {
+        "disparity": optics.stereo_disparity(z, b, f),
+        "depth_error": optics.depth_error(z, b, f, study.disparity_error_px),
+        "rounding_depth_error": optics.depth_error(z, b, f, ROUNDED_PX),
+        "rounded_depth_error": np.sqrt(np.mean((found - z) ** 2, axis=0)),
     }
 
 
@@ -326,3 +320,42 @@ def _plane_points(
     behind = to_image[2] @ np.stack([x.ravel(), y.ravel(), np.ones(x.size)]) <= 0
     x[behind.reshape(shape)] = np.nan
     return x, y
+
+
+def colour_loss(picture: BeamPicture, block: int, pattern: str) -> dict[str, ArrayLike]:
+    """Pass an image through colour filters and interpolate it back bilinearly.
+
+    `block` is the side of the sensor's pixels in finest ones, `pattern` has the colours of the
+    top-left two by two pixels. ``colour_picture`` (stage, rows, columns, 3) is the part around the
+    largest marker: as it is, with each pixel in its filter's colour alone, and interpolated. The
+    errors are the rms and the largest difference of the interpolated colours from the true ones on
+    the beam, in % of full scale; ``centre_shift`` is the rms shift of the markers' centres by it,
+    in px of each coordinate.
+    """
+    true = picture.colours(block)
+    raw = optics.bayer_mosaic(true, pattern)
+    found = optics.demosaic_image(raw, pattern)
+    masks = optics.bayer_masks(raw.shape, pattern)
+    difference = (found - true)[optics.block_means(picture.beam, block) > 0]
+    moved = picture.centroids(found, block) - picture.centroids(true, block)
+    moved = moved[np.isfinite(moved).all(axis=1)]
+    sizes = np.bincount(picture.cells(block).ravel() + 1, minlength=2)[1:]
+    part = _crop(picture, block, int(np.argmax(sizes)))
+    stages = true, np.where(masks, raw[..., None], 0.0), found
+    return {
+        "colour_picture": np.array([stage[part] for stage in stages], "f4"),
+        "colour_error": 100 * float(np.sqrt(np.mean(difference**2))),
+        "largest_colour_error": 100 * float(np.max(np.abs(difference))),
+        "centre_shift": float(np.sqrt(np.mean(moved**2))) if len(moved) else np.nan,
+    }
+
+
+def _crop(picture: BeamPicture, block: int, marker: int) -> tuple[slice, slice]:
+    shape = (picture.beam.shape[0] // block, picture.beam.shape[1] // block)
+    u, v = picture.images(picture.structure.markers[0][[marker]], block)[:, 0]
+    parts = []
+    for middle, size, whole in zip((v, u), CROP_SIZE_PX, shape, strict=True):
+        start = int(np.clip(round(middle - size / 2), 0, max(whole - size, 0)))
+        start -= start % 2  # so that the filters' pattern begins as the sensor's does
+        parts.append(slice(start, min(start + size, whole)))
+    return parts[0], parts[1]

@@ -146,13 +146,7 @@ def _find_marks(image: Image, board: Board) -> Array:
             break
     corners = corners.reshape(ny, nx, 2).transpose(2, 0, 1)[:, ::-1]  # OpenCV's rows run down
     corners[:, _border_distances(corners, image) < _MIN_BORDER_PX] = np.nan
-    off = np.isfinite(corners[0])  # the plane of most corners; all, if most are
-    if np.count_nonzero(off) > 4:
-        plane = board.corners[:2].reshape(corners.shape)[:, off]
-        _, right = cv2.findHomography(corners[:, off].T, plane.T, cv2.RANSAC, board.tile / 4)
-        if 2 * np.count_nonzero(right) > right.size:
-            off[off] = np.ravel(right) == 0
-    corners[:, off] = np.nan
+    corners[:, _find_off_plane(corners, board)] = np.nan
     seen, least = int(np.isfinite(corners[0]).sum()), min(_MIN_MARKED_CORNERS, nx * ny // 2)
     if seen < least:
         few = 2 * len(marks) < count
@@ -162,6 +156,17 @@ def _find_marks(image: Image, board: Board) -> Array:
             f"as on a board of {nx + 1} × {ny + 1} tiles, needs {least}"
         )
     return corners
+
+
+def _find_off_plane(corners: Array, board: Board) -> Mask:
+    """Return which corners (2, ny, nx) are off the plane of most corners; all, if most are."""
+    off = np.isfinite(corners[0])
+    if np.count_nonzero(off) > 4:
+        plane = board.corners[:2].reshape(corners.shape)[:, off]
+        _, right = cv2.findHomography(corners[:, off].T, plane.T, cv2.RANSAC, board.tile / 4)
+        if 2 * np.count_nonzero(right) > right.size:
+            off[off] = np.ravel(right) == 0
+    return off
 
 
 def _read_marks(image: Image, name: str) -> tuple[cv2.aruco.Dictionary, Any, Any]:
@@ -275,34 +280,13 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
         reduction //= 2
     grid, start, state, misfit, asymmetry = _refine_grid(image, grid, seen, board)
     moved, spacing = np.linalg.norm(state[:2] - start[:, seen], axis=0), _corner_spacing(grid)[seen]
-    off = int(np.argmax(moved / spacing))
-    if not moved[off] <= _MAX_FITTED_OFFSET * spacing[off]:
-        raise BoardNotFound(f"a corner's fit ends {moved[off]:.1f} px from where it starts")
+    worst = int(np.argmax(moved / spacing))
+    if not moved[worst] <= _MAX_FITTED_OFFSET * spacing[worst]:
+        raise BoardNotFound(f"a corner's fit ends {moved[worst]:.1f} px from where it starts")
     parity = np.indices(seen.shape).sum(0)[seen] % 2
     if len(np.unique(np.sign(state[5]) * (1 - 2 * parity))) != 1:
         raise BoardNotFound("false grid: light and dark tiles do not alternate")
-    misfit, asymmetry = misfit / np.abs(state[5]), asymmetry / np.abs(state[5])
-    if not np.isfinite(asymmetry).all():
-        raise BoardNotFound("the tiles about a corner are too narrow to fit their edges")
-    if np.median(state[6]) >= _MAX_BLUR_PX:
-        raise BoardNotFound(
-            f"the image is blurred: edges are wider than {_MAX_BLUR_PX:.0f} px; focus the camera, "
-            "or hold the board still"
-        )
-    if (worst := float(np.max(asymmetry))) > _MAX_ASYMMETRY:
-        raise BoardNotFound(
-            f"a corner's edges are unlike on opposite sides by {worst:.0%} of the contrast, "
-            f"allowed {_MAX_ASYMMETRY:.0%}"
-        )
-    if (worst := float(np.max(misfit))) > _MAX_MISFIT:
-        raise BoardNotFound(
-            f"a corner's edges misfit by {worst:.0%} of the contrast, allowed {_MAX_MISFIT:.0%}"
-        )
-    if np.median(state[6]) > _SOFT_PX and (typical := float(np.median(misfit))) > _MAX_SOFT_MISFIT:
-        raise BoardNotFound(
-            f"the edges are blurred unevenly, as by motion: they misfit by {typical:.0%} "
-            f"of the contrast, allowed {_MAX_SOFT_MISFIT:.0%}; hold the board still"
-        )
+    _check_residuals(misfit / np.abs(state[5]), asymmetry / np.abs(state[5]), state[6])
     smooth = _smooth_grid(grid, seen, board)
     _check_grid(np.where(seen, grid, smooth), smooth, _MAX_FITTED_OFFSET)
     return np.where(seen, grid, np.nan).reshape(2, -1)
@@ -486,3 +470,28 @@ def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array
     angles = [fg * f_angle, gf * g_angle]
     J = np.stack([*centre, *angles, np.ones_like(f), f * g, -(fg * x + gf * y) / s])
     return mean + half * f * g, J
+
+
+def _check_residuals(misfit: Array, asymmetry: Array, blur: Array) -> None:
+    """Refuse corners whose residuals over the half contrast are not those of two crossing edges."""
+    if not np.isfinite(asymmetry).all():
+        raise BoardNotFound("the tiles about a corner are too narrow to fit their edges")
+    if np.median(blur) >= _MAX_BLUR_PX:
+        raise BoardNotFound(
+            f"the image is blurred: edges are wider than {_MAX_BLUR_PX:.0f} px; focus the camera, "
+            "or hold the board still"
+        )
+    if (worst := float(np.max(asymmetry))) > _MAX_ASYMMETRY:
+        raise BoardNotFound(
+            f"a corner's edges are unlike on opposite sides by {worst:.0%} of the contrast, "
+            f"allowed {_MAX_ASYMMETRY:.0%}"
+        )
+    if (worst := float(np.max(misfit))) > _MAX_MISFIT:
+        raise BoardNotFound(
+            f"a corner's edges misfit by {worst:.0%} of the contrast, allowed {_MAX_MISFIT:.0%}"
+        )
+    if np.median(blur) > _SOFT_PX and (typical := float(np.median(misfit))) > _MAX_SOFT_MISFIT:
+        raise BoardNotFound(
+            f"the edges are blurred unevenly, as by motion: they misfit by {typical:.0%} "
+            f"of the contrast, allowed {_MAX_SOFT_MISFIT:.0%}; hold the board still"
+        )

@@ -129,12 +129,17 @@ def calibrate_camera(
             f"{name}: the board images leave the focal length uncertain by {relative:.0%}, "
             f"allowed {_LEAST_PRECISION:.0%}"
         )
-    rotations, translations = np.full((len(shots), 3, 3), np.nan), np.full((len(shots), 3), np.nan)
+    rotations, translations = _unseen_poses(len(shots))
     for shot, turn, move in zip(used, turns, moves, strict=True):
         rotations[shot], translations[shot] = cv2.Rodrigues(turn)[0], np.ravel(move)
     # OpenCV's rms is per point: of the distance, not of its two coordinates.
     lens, error = np.ravel(np.asarray(k, float))[:5], float(rms / np.sqrt(2))
     return Calibration(name, size, ours, lens, rotations, translations, error, sigma)
+
+
+def _unseen_poses(count: int) -> tuple[Array, Array]:
+    """Return rotations and translations of boards that are not found: NaN."""
+    return np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
 
 
 def central_corners(board: Board) -> IntArray:
@@ -275,8 +280,6 @@ def _chain_cameras(names: Sequence[str], points: Array, seen: Mask) -> dict[int,
     """Return every camera's pose in the first one's frame, from pairs sharing most images.
 
     `points` are those of :func:`_place_boards`, `seen` (cameras, shots) tells which ones there are.
-    They count under whichever symmetry brings them nearest to the other camera's. A shot can miss
-    by no more than rigs differ, so that a bad one does not decide; which one it is shows later.
     """
     rig: dict[int, Pose] = {0: (np.eye(3), np.zeros(3))}
     while len(rig) < len(names):
@@ -288,25 +291,37 @@ def _chain_cameras(names: Sequence[str], points: Array, seen: Mask) -> dict[int,
                 f"{names[j]}: shares {np.count_nonzero(shared)} board images with {names[i]}, "
                 "needs 2 to distinguish the board's symmetries"
             )
-        source, target = points[j, shared], points[i, shared, 0]
-        size = np.linalg.norm(target[0, :, 0] - target[0, :, -1]) / 4
-        trials = [_fit_rigid_motion(p, q) for ps, q in zip(source, target, strict=True) for p in ps]
-        missed = [
-            _rms_distance(_move_points(pose, source) - target[:, None]).min(axis=1)
-            for pose in trials
-        ]
-        scores = np.array([np.mean(np.minimum(miss, size)) for miss in missed])
-        best, X = trials[int(np.argmin(scores))], source[0, 0]
-        apart = [_rms_distance(_move_points(pose, X) - _move_points(best, X)) for pose in trials]
-        rival = scores[np.array(apart) > size].min(initial=np.inf)
-        if not (rival > _MIN_DISTINCT_RATIO * scores.min() and rival > 1e-9):
+        pose, distinct = _fit_relative_pose(points[j, shared], points[i, shared, 0])
+        if not distinct:
             raise CalibrationError(
                 f"{names[j]}: its board images with {names[i]} do not "
                 "distinguish the board's symmetries"
             )
         R, t = rig[i]
-        rig[j] = R @ best[0], R @ best[1] + t
+        rig[j] = R @ pose[0], R @ pose[1] + t
     return rig
+
+
+def _fit_relative_pose(source: Array, target: Array) -> tuple[Pose, bool]:
+    """Return the pose that takes points to their targets in all shots, and whether only one does.
+
+    The points (shots, symmetries, 3, n) count under whichever symmetry brings them nearest to the
+    targets (shots, 3, n). A shot can miss by no more than rigs differ, so that a bad one does not
+    decide; which one it is shows later.
+    """
+    size = np.linalg.norm(target[0, :, 0] - target[0, :, -1]) / 4
+    trials = [_fit_rigid_motion(p, q) for ps, q in zip(source, target, strict=True) for p in ps]
+    missed = [
+        _rms_distance(_move_points(pose, source) - target[:, None]).min(axis=1) for pose in trials
+    ]
+    scores = np.array([np.mean(np.minimum(miss, size)) for miss in missed])
+    best = trials[int(np.argmin(scores))]
+    X = source[0, 0]
+    other = np.array(
+        [_rms_distance(_move_points(pose, X) - _move_points(best, X)) > size for pose in trials]
+    )
+    rival = scores[other].min(initial=np.inf)
+    return best, bool(rival > _MIN_DISTINCT_RATIO * scores.min() and rival > 1e-9)
 
 
 def _fit_rigid_motion(points: Array, target: Array) -> Pose:
@@ -425,7 +440,7 @@ def _describe_refusals(refused: Mapping[str, str], manifest: Manifest) -> str:
 
 def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:
     """Return a camera with a known lens, and the board's pose in each of its calibration images."""
-    rotations, translations = np.full((len(shots), 3, 3), np.nan), np.full((len(shots), 3), np.nan)
+    rotations, translations = _unseen_poses(len(shots))
     for shot, uv in enumerate(shots):
         if uv is not None:
             rotations[shot], translations[shot] = planar_pose(lens, board.corners, uv)
