@@ -345,16 +345,9 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         camera.setdefault("azimuth_deg", round(float(azimuth), 1))
     values = template.with_given(cameras, filled)
     if "cameras.distance_mm" not in rest:
-        manifest = validate_manifest(values)
-        low, high = 1.0, 1e5  # mm; from the greater one, all cameras have all of it in view
-        while high > 1.001 * low:
-            middle = float(np.sqrt(low * high))
-            moved = tuple(c.model_copy(update={"distance_mm": middle}) for c in manifest.cameras)
-            view = view_markers(manifest.model_copy(update={"cameras": moved}), 0.0)
-            inside = bool(view.corners.all() and view.seen.all())
-            low, high = (low, middle) if inside else (middle, high)
+        distance = _nearest_distance(validate_manifest(values))
         for camera in cameras:
-            camera["distance_mm"] = float(10 * np.ceil(DISTANCE_MARGIN * high / 10))
+            camera["distance_mm"] = distance
     return validate_manifest(values)
 
 
@@ -374,3 +367,15 @@ def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:
         "structure.markers.row_spacing_mm": float(f"{across:.2g}"),
         "structure.markers.diameter_mm": min(MAX_DIAMETER_MM, float(f"{third:.2g}")),
     }
+
+
+def _nearest_distance(manifest: Manifest) -> float:
+    """Return the distance in mm from which all cameras have all of the structure in view."""
+    low, high = 1.0, 1e5
+    while high > 1.001 * low:
+        middle = float(np.sqrt(low * high))
+        cameras = tuple(c.model_copy(update={"distance_mm": middle}) for c in manifest.cameras)
+        view = view_markers(manifest.model_copy(update={"cameras": cameras}), 0.0)
+        inside = bool(view.corners.all() and view.seen.all())
+        low, high = (low, middle) if inside else (middle, high)
+    return float(10 * np.ceil(DISTANCE_MARGIN * high / 10))

@@ -129,11 +129,11 @@ def left_of(block: TrackBlock, rates: Array) -> Array:
     return subtract_fit(block, B, fit_known(B, block)[0])
 
 
-def residual_scatter(block: TrackBlock, rates: Array) -> Array:
-    """Estimate the scatter of each series about the best fit of poles, px; NaN if hardly seen."""
-    freedom = block.known.sum(axis=0) - 1 - rates.size
+def residual_scatter(block: TrackBlock, B: Array, fit: Array) -> Array:
+    """Estimate the scatter of each series about a fit of columns, px; NaN if hardly seen."""
+    freedom = block.known.sum(axis=0) - B.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(np.sum(left_of(block, rates) ** 2, axis=0) / freedom)
+        sigma = np.sqrt(np.sum(subtract_fit(block, B, fit) ** 2, axis=0) / freedom)
     return np.asarray(np.where(freedom >= 2, sigma, np.nan) * block.scale, float)
 
 

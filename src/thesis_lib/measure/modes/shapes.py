@@ -166,8 +166,9 @@ def blur_factor(rate: Array, exposure: float) -> complex:
 def mode_images(track: Track, block: fits.TrackBlock, poles: fits.Poles) -> list[Harmonics]:
     """Return each mode in one camera's images, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
-    fit, inverse = fits.fit_known(fits.pole_columns(block.times, poles.rates), block)
-    sigma = fits.residual_scatter(block, poles.rates).reshape(2, markers)
+    B = fits.pole_columns(block.times, poles.rates)
+    fit, inverse = fits.fit_known(B, block)
+    sigma = fits.residual_scatter(block, B, fit).reshape(2, markers)
     fit = fit * block.scale
     found = []
     for k, rate in enumerate(poles.rates):

@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import Array, Image
+from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX
 from thesis_lib.measure.feasibility.prediction import predict_errors, view_markers
 from thesis_lib.measure.modes.poles import STANDS_OUT
@@ -208,6 +208,19 @@ def draw_photograph(image: Image, found: Array, outline: Array) -> Figure:
     return figure
 
 
+def _stable_poles(data: xr.Dataset) -> Mask:
+    """Return which poles stay as they were in the fit with one mode less, (orders, places)."""
+    f, zeta = data["order_frequency"].values, data["order_damping"].values
+    stable = np.zeros(f.shape, bool)
+    for n in range(1, len(f)):
+        most = MAX_POLE_DAMPING_CHANGE * np.abs(zeta[n - 1])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            near = np.abs(f[n][:, None] / f[n - 1] - 1) < MAX_POLE_SHIFT
+            near &= np.abs(zeta[n][:, None] - zeta[n - 1]) <= most
+        stable[n] = near.any(axis=1)
+    return stable
+
+
 @in_style()
 def draw_stabilisation(data: xr.Dataset) -> Figure:
     """Draw the spectrum, and the poles of the fits with one mode, two modes and so on."""
@@ -219,14 +232,7 @@ def draw_stabilisation(data: xr.Dataset) -> Figure:
     top.set(ylabel="power over noise")
     top.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     top.legend(ncols=3)
-    f, zeta = data["order_frequency"].values, data["order_damping"].values
-    kept = np.zeros(f.shape, bool)  # stay as they were in the fit with one mode less
-    for n in range(1, len(f)):
-        most = MAX_POLE_DAMPING_CHANGE * np.abs(zeta[n - 1])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            near = np.abs(f[n][:, None] / f[n - 1] - 1) < MAX_POLE_SHIFT
-            near &= np.abs(zeta[n][:, None] - zeta[n - 1]) <= most
-        kept[n] = near.any(axis=1)
+    f, kept = data["order_frequency"].values, _stable_poles(data)
     orders = np.broadcast_to(np.arange(1, len(f) + 1)[:, None], f.shape)
     new = np.isfinite(f) & ~kept
     low.plot(f[kept], orders[kept], "o", color=cycle_color(0), label="stable")
@@ -280,15 +286,19 @@ def draw_response(data: xr.Dataset, marker: int) -> Figure:
         axes.set(ylabel="coherence", ylim=(0, 1.05))
     last = [top, middle, *low][-1]
     last.set(xlabel="frequency in Hz", xlim=(f[0], f[-1]))
-    for digits in ((1, 2, 5), range(1, 10)):  # round numbers, four or more if there are so many
-        rounds = [digit * 10.0**k for k in range(-2, 5) for digit in digits]
-        ticks = [value for value in rounds if f[0] <= value <= f[-1]]
-        if len(ticks) >= 4:
-            break
-    last.set_xticks(ticks, minor=False)
+    last.set_xticks(_round_ticks(f[0], f[-1]), minor=False)
     last.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     last.xaxis.set_minor_formatter(lambda value, _: "")
     return figure
+
+
+def _round_ticks(low: float, high: float) -> list[float]:
+    """Return round numbers between two, four or more where there are so many."""
+    for digits in ((1, 2, 5), range(1, 10)):
+        found = [n * 10.0**k for k in range(-2, 5) for n in digits if low <= n * 10.0**k <= high]
+        if len(found) >= 4:
+            break
+    return found
 
 
 @in_style()

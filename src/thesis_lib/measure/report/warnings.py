@@ -85,8 +85,7 @@ def _check_frequency(data: xr.Dataset) -> Iterator[Note]:
 
 
 def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
-    for line in data.attrs.get("repeats", "").splitlines():
-        yield make_note("repeated-frames", line=line)
+    yield from _check_repeats(data)
     first = str(data["camera"].values[0])
     for one in iterate_slices(data, "camera"):
         name = str(one["camera"].values)
@@ -120,6 +119,11 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     off = float(data["grid_scale"]) - 1
     if abs(off) > MAX_SCALE_ERROR:
         yield make_note("grid-scale", off=off)
+
+
+def _check_repeats(data: xr.Dataset) -> Iterator[Note]:
+    for line in data.attrs.get("repeats", "").splitlines():
+        yield make_note("repeated-frames", line=line)
 
 
 def _check_lost(name: str, lost: float) -> Iterator[Note]:
@@ -194,8 +198,7 @@ def _check_fit(data: xr.Dataset) -> Iterator[Note]:
 
 def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     """Yield the notes on several modes."""
-    for line in data.attrs.get("repeats", "").splitlines():
-        yield make_note("repeated-frames", line=line)
+    yield from _check_repeats(data)
     hertz, asked = data["frequency"].values, manifest.excitation.modes.count
     seconds = float(np.diff(data["window"].values)[0])
     if asked and len(hertz) < asked:
