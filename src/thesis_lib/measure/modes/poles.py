@@ -275,14 +275,8 @@ def search_modes(
     rates, span = np.empty((0, 2)), span_of(blocks)
     decays = [decay / span for decay in TRIAL_DECAYS] if damped else [0.0]
     for near in (*given[:most], *[None] * most):
-        seen = residual_spectrum(blocks, rates, band)
-        apart = np.abs(seen.frequency[:, None] - rates[:, 1] / (2 * np.pi))
-        clear = np.all(apart > MIN_MODE_SPACING / span, axis=1)  # beside the poles
-        if near is not None:
-            clear &= np.abs(seen.frequency - near) <= search_range(near, span)
-        power = np.where(clear, seen.power, 0.0)
-        if len(found) < most and power.size and power.max() > STANDS_OUT:
-            line = Spectrum(seen.frequency, power).peak[0]
+        line = strongest_line(blocks, rates, band, near)
+        if len(found) < most and line is not None:
             trials = [np.vstack([rates, [decay, 2 * np.pi * line]]) for decay in decays]
             left = [sum(np.sum(left_of(one, trial) ** 2) for one in blocks) for trial in trials]
             found.append(fit_poles(blocks, trials[int(np.argmin(left))], damped))
@@ -295,6 +289,24 @@ def search_modes(
 def search_range(frequency: float, seconds: float) -> float:
     """Return the search range in Hz about a given frequency in a recording of some seconds."""
     return max(2 * MIN_MODE_SPACING / seconds, MAX_RELATIVE_OFFSET * frequency)
+
+
+def strongest_line(
+    blocks: Sequence[TrackBlock], rates: Array, band: tuple[float, float], near: float | None = None
+) -> float | None:
+    """Return the strongest line beside the poles in Hz, near a frequency if given.
+
+    None if none stands out.
+    """
+    seen = residual_spectrum(blocks, rates, band)
+    apart = MIN_MODE_SPACING / span_of(blocks)
+    clear = np.all(np.abs(seen.frequency[:, None] - rates[:, 1] / (2 * np.pi)) > apart, axis=1)
+    if near is not None:
+        clear &= np.abs(seen.frequency - near) <= search_range(near, span_of(blocks))
+    power = np.where(clear, seen.power, 0.0)
+    if not power.size or not power.max() > STANDS_OUT:
+        return None
+    return Spectrum(seen.frequency, power).peak[0]
 
 
 def residual_power(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]:

@@ -27,7 +27,7 @@ import numpy as np
 from scipy.signal import ShortTimeFFT, welch
 from scipy.spatial import KDTree
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
@@ -233,19 +233,27 @@ def at_times(
         taken = values[index]
         known = np.isfinite(taken)
         part = np.einsum("tns,tns->ts", np.linalg.solve(S, s), np.where(known, taken, 0.0))
-        # Once more where samples are missing, from those that are there.
-        at, series = np.nonzero(~known.all(axis=1))
-        there = known[at, :, series]
-        matrix = np.where(there[:, :, None] & there[:, None], S[at], np.eye(near))
-        right = np.where(there, s[at, :, series], 0.0)
-        weight = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-        value = np.sum(weight * np.where(there, taken[at, :, series], 0.0), axis=1)
-        before, after = there[:, : near // 2], there[:, near // 2 :]
-        enough = (2 * there.sum(axis=1) >= near) & before.any(1) & after.any(1)
-        part[at, series] = np.where(enough, value, np.nan)
-        found[start : start + CHUNK_TIMES] = part
+        found[start : start + CHUNK_TIMES] = _mend(part, S, s, taken, known)
     inside = (wanted[:, None] >= times[0] + shift) & (wanted[:, None] <= times[-1] + shift)
     return np.where(inside, found, np.nan)
+
+
+def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array:
+    """Return the estimates, repeated where samples are missing."""
+    near, found = known.shape[1], part.copy()
+    t, k = np.nonzero(~known.all(axis=1))
+    if not len(t):
+        return found
+    there = known[t, :, k]
+    both = there[:, :, None] & there[:, None]
+    matrix = np.where(both, S[t], np.eye(near))
+    right = np.where(there, s[t, :, k], 0.0)
+    weights = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+    value = np.sum(weights * np.where(there, taken[t, :, k], 0.0), axis=1)
+    half = near // 2
+    enough = (2 * there.sum(axis=1) >= near) & there[:, :half].any(1) & there[:, half:].any(1)
+    found[t, k] = np.where(enough, value, np.nan)
+    return found
 
 
 # Of the next marker's distance that a marker may seem to move along the surface
