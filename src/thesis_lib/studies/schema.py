@@ -77,6 +77,11 @@ def label_values(
     return {name: table[name].label(each, over) for name, each in values.items()}
 
 
+def list_quantities(rows: Iterable[tuple[str, float, str]]) -> dict[str, Any]:
+    """Return names, values and units by variable, of rows of the three."""
+    return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))
+
+
 # The outline of a structure, and the cells of its markers.
 
 

@@ -17,7 +17,7 @@ from thesis_lib.figure_sets.design_law import shares, sweeps
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.studies.cubes import iterate_slices
-from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.schema import label_values, list_quantities, read_variables
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import cone_law, dither, pinhole, rounding, simulation
 from thesis_lib.vision.triangulation import point_covariance, triangulate, triangulation_gain
@@ -224,7 +224,7 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
     for dim, words in along.items():
         ratio = cube[f"drawn_{dim}_error"] / cube[f"{dim}_error"]
         add_quantity(f"dither by {words}, drawn over closed form", np.sqrt(np.mean(ratio**2)))
-    return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))
+    return list_quantities(rows)
 
 
 SHOWN_NOISES_PX = (0.0, 0.05, 0.1, 0.3)

@@ -15,7 +15,7 @@ import xarray as xr
 from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics.figure_set import MAX_DISTANCE_RATIO, Cameras
-from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.schema import label_values, list_quantities, read_variables
 from thesis_lib.vibration.structure import Beam, world_points
 from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
@@ -207,7 +207,7 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
             for words, name in (("", "depth_error"), (" in whole pixels", "rounded_depth_error")):
                 error = at[name][i]
                 add_quantity(f"depth error{words}, {b:g} mm apart, {here}", error, "mm", 1000)
-    return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))
+    return list_quantities(rows)
 
 
 FINEST_SIZE_PX = (1280, 720)  # px, of the image that all others are means of

@@ -10,7 +10,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.planner.figure_set import READABLE_QUESTIONS, THESIS_QUESTIONS, Planner
 from thesis_lib.planning import errors, planner, positions, sound
-from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.schema import label_values, list_quantities, read_variables
 
 _DROPPED_VARIABLES = ("chosen", "point_error", "marker", "normal", "reference_deflection")
 VARIABLES = read_variables(__file__, "cube")
@@ -63,7 +63,7 @@ def run(study: Planner) -> xr.Dataset:
     ratio = cube["simulated_error"] / cube["predicted_error"]
     rows.append(("simulated over predicted, least", float(ratio.min()), "1"))
     rows.append(("simulated over predicted, largest", float(ratio.max()), "1"))
-    summary = dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))
+    summary = list_quantities(rows)
     cube = cube.assign(label_values(summary, VARIABLES))
     return cube.assign(_for_sound(study, plans[READABLE_QUESTIONS["plate"]]))
 
