@@ -53,6 +53,9 @@ def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, *
     axes.annotate("", end, start, zorder=zorder, arrowprops=arrow)
 
 
+# The rig.
+
+
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
     found = select_tracks(data, MARKERS, camera_letters(data), int(data["width"].max()), "full")
@@ -61,35 +64,8 @@ def draw_rig(data: xr.Dataset) -> Figure:
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
     heights = [3.9, 1.75, 0.75, 1.6]
     figure, axes = style.subplots(4, 1, figsize=(WIDTH_IN, 7.7), height_ratios=heights)
-    plan, side = axes[:2]
-    length, width = 1e3 * np.array(MARKERS.extent)
-    plan.set_title("(a) from above")
-    draw_box(plan, (-width / 2, -length / 2), (width, length), BEAM_GREY, zorder=2)
-    places = 1e3 * MARKERS.world[[1, 0], : MARKERS.count]
-    plan.plot(*places, "o", color=SKETCH_INK, markersize=1.2, zorder=3)
-    draw_box(plan, (-45, length / 2 * -1 - 42), (90, 42), "white", hatch="////", zorder=2)
-    write_label(plan, (62, -length / 2 - 21), "clamp", ha="left")
-    write_label(plan, (0, length / 2 + 20), "tip", va="bottom")
-    _draw_cameras(plan, centres[[1, 0]], looks[[1, 0]])
-    _draw_axes(plan, "YX")
-    low, high = sorted(np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
-    _draw_angle(plan, low, high, (295, 0), f"α = {high - low:.0f}°")
-    along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
-    distance = np.mean(np.linalg.norm(centres, axis=0))
-    slope = np.degrees(np.arctan(along[1] / along[0]))
-    write_label(plan, 300 * along + [0, 22], f"d = {distance:.0f} mm", rotation=slope)
-    _hide_axes(plan, (-650, 650), (-length / 2 - 55, length / 2 + 60))
-    side.set_title("(b) along the beam")
-    side.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=SKETCH_INK, zorder=5))
-    _draw_cameras(side, centres[[1, 2]], looks[[1, 2]])
-    _draw_axes(side, "YZ")
-    flat = np.hypot(*centres[:2, 0])
-    elevation = np.degrees(np.arctan2(centres[2, 0], flat))
-    side.plot([0, flat], [0, 0], "--", color=style.REFERENCE_COLOR, linewidth=0.8, zorder=0)
-    _draw_angle(side, 0, elevation, (300, 50), f"φ = {elevation:.0f}°")
-    _draw_arrow(side, (-60, 48), (-60, -48), "<->")
-    write_label(side, (-78, -36), "vibrates", ha="right")
-    _hide_axes(side, (-650, 650), (-90, 290))
+    _draw_plan(axes[0], centres, looks)
+    _draw_side(axes[1], centres, looks)
     _draw_layout(axes[2], whole=True)
     _draw_layout(axes[3], whole=False)
     return figure
@@ -111,6 +87,42 @@ def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
             letters = ", ".join(chr(ord("A") + n) for n in np.flatnonzero(hidden[i]))
             aside = 1.85 * (1.9 if len(letters) > 1 else 1)
             write_label(axes, place - [aside, 1.3] * ahead, letters, weight="bold", fontsize=11)
+
+
+def _draw_plan(axes: Axes, centres: Array, looks: Array) -> None:
+    length, width = 1e3 * np.array(MARKERS.extent)
+    axes.set_title("(a) from above")
+    draw_box(axes, (-width / 2, -length / 2), (width, length), BEAM_GREY, zorder=2)
+    places = 1e3 * MARKERS.world[[1, 0], : MARKERS.count]
+    axes.plot(*places, "o", color=SKETCH_INK, markersize=1.2, zorder=3)
+    draw_box(axes, (-45, length / 2 * -1 - 42), (90, 42), "white", hatch="////", zorder=2)
+    write_label(axes, (62, -length / 2 - 21), "clamp", ha="left")
+    write_label(axes, (0, length / 2 + 20), "tip", va="bottom")
+    _draw_cameras(axes, centres[[1, 0]], looks[[1, 0]])
+    _draw_axes(axes, "YX")
+    first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
+    low, high = sorted([first, second])
+    _draw_angle(axes, low, high, (295, 0), f"α = {high - low:.0f}°")
+    along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
+    distance = np.mean(np.linalg.norm(centres, axis=0))
+    slope = np.degrees(np.arctan(along[1] / along[0]))
+    write_label(axes, 300 * along + [0, 22], f"d = {distance:.0f} mm", rotation=slope)
+    _hide_axes(axes, (-650, 650), (-length / 2 - 55, length / 2 + 60))
+
+
+def _draw_side(axes: Axes, centres: Array, looks: Array) -> None:
+    _, width = 1e3 * np.array(MARKERS.extent)
+    axes.set_title("(b) along the beam")
+    axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=SKETCH_INK, zorder=5))
+    _draw_cameras(axes, centres[[1, 2]], looks[[1, 2]])
+    _draw_axes(axes, "YZ")
+    flat = np.hypot(*centres[:2, 0])
+    elevation = np.degrees(np.arctan2(centres[2, 0], flat))
+    axes.plot([0, flat], [0, 0], "--", color=style.REFERENCE_COLOR, linewidth=0.8, zorder=0)
+    _draw_angle(axes, 0, elevation, (300, 50), f"φ = {elevation:.0f}°")
+    _draw_arrow(axes, (-60, 48), (-60, -48), "<->")
+    write_label(axes, (-78, -36), "vibrates", ha="right")
+    _hide_axes(axes, (-650, 650), (-90, 290))
 
 
 def _draw_axes(axes: Axes, names: str) -> None:
@@ -179,32 +191,39 @@ def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
     write_label(axes, np.mean([start, end], axis=0), text, bbox=WHITE_GROUND | {"pad": 1.5})
 
 
+# The board.
+
+
 def draw_coverage(data: xr.Dataset) -> Figure:
     """Draw all corners on each sensor, with their residuals exaggerated (figure D.5)."""
     figure, grid = style.panel_grid(data.sizes["camera"], WIDTH_IN, 1.8)
+    for i, (axes, camera) in enumerate(zip(grid, iterate_slices(data, "camera"), strict=False)):
+        _draw_sensor(axes, camera, i)
+    return figure
+
+
+def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
+    corners, residual = (
+        camera[name].transpose("axis", "shot", "corner").values.reshape(2, -1)
+        for name in ("adjusted_corners", "corner_residuals")
+    )
+    width, height = (float(size) for size in camera["size"].values)
+    unit = width / 1920
+    draw_box(axes, (0, 0), (width, height), SENSOR_GREY)
+    ends = corners + RESIDUAL_FACTOR * unit * residual
+    axes.add_patch(_draw_segments(corners, ends, style.cycle_color(index), 0.7))
+    axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
+    rms = np.sqrt(np.nanmean(residual**2))
+    still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
+    row = still.transpose("axis", "marker").values[:, MARKERS.middle_row]
+    axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
+    left, bar = 0.03 * width, 0.01 * RESIDUAL_FACTOR * unit
+    axes.plot([left, left + bar], [0.95 * height] * 2, color=style.HIGHLIGHT_COLOR, linewidth=2)
     look: Any = {"color": style.HIGHLIGHT_COLOR, "fontsize": 7.5, "ha": "left", "va": "bottom"}
     ground = WHITE_GROUND | {"facecolor": SENSOR_GREY}
-    for i, (axes, camera) in enumerate(zip(grid, iterate_slices(data, "camera"), strict=False)):
-        corners, residual = (
-            camera[name].transpose("axis", "shot", "corner").values.reshape(2, -1)
-            for name in ("adjusted_corners", "corner_residuals")
-        )
-        width, height = (float(size) for size in camera["size"].values)
-        unit = width / 1920
-        draw_box(axes, (0, 0), (width, height), SENSOR_GREY)
-        ends = corners + RESIDUAL_FACTOR * unit * residual
-        axes.add_patch(_draw_segments(corners, ends, style.cycle_color(i), 0.7))
-        axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
-        still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
-        row = still.transpose("axis", "marker").values[:, MARKERS.middle_row]
-        axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
-        left, bar = 0.03 * width, 0.01 * RESIDUAL_FACTOR * unit
-        axes.plot([left, left + bar], [0.95 * height] * 2, color=style.HIGHLIGHT_COLOR, linewidth=2)
-        write_label(axes, (left, 0.92 * height), "0.01 px", bbox=ground, **look)
-        rms = np.sqrt(np.nanmean(residual**2))
-        axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
-        _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
-    return figure
+    write_label(axes, (left, 0.92 * height), "0.01 px", bbox=ground, **look)
+    axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
+    _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
 
 
 def _draw_segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
@@ -231,11 +250,7 @@ def draw_sound(data: xr.Dataset) -> Figure:
     top.set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.55), yticks=[])
     top.grid(visible=False, axis="y")
     top.spines["left"].set_visible(False)
-    # Both are drawn around the steepest zero crossing before that, where a delay is seen best
-    steps = round(0.02 / (seconds[1] - seconds[0]))
-    smooth = np.convolve(signal[0], np.ones(steps) / steps, "same")
-    signs = np.flatnonzero((smooth[:-1] * smooth[1:] < 0) & (seconds[1:] < begin))
-    middle = float(seconds[signs[np.argmax(np.abs(np.gradient(smooth))[signs])]])
+    middle = _find_crossing(seconds, signal[0], begin)
     titles = ("(b) aligned to whole frames", "(c) to fractions of a frame")
     for axes, shift, title in zip(below, (whole, delay), titles, strict=True):
         for i, own in enumerate(signal):
@@ -251,6 +266,14 @@ def draw_sound(data: xr.Dataset) -> Figure:
     below[0].axvspan(-half, half, color="#eeeeee", zorder=-1)
     write_label(below[0], (0, -0.43), "one frame", va="bottom", fontsize=7.5)
     return figure
+
+
+def _find_crossing(time: Array, signal: Array, before: float) -> float:
+    """Find the steepest zero crossing before a time, where a delay is seen best."""
+    steps = round(0.02 / (time[1] - time[0]))
+    smooth = np.convolve(signal, np.ones(steps) / steps, "same")
+    signs = np.flatnonzero((smooth[:-1] * smooth[1:] < 0) & (time[1:] < before))
+    return float(time[signs[np.argmax(np.abs(np.gradient(smooth))[signs])]])
 
 
 def draw_tracks(data: xr.Dataset) -> Figure:

@@ -15,8 +15,15 @@ import xarray as xr
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.calibration import rig
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
-from thesis_lib.measure.fitting import harmonics as fits
 from thesis_lib.measure.fitting import reconstruction as rc
+from thesis_lib.measure.fitting.harmonics import (
+    Fitted,
+    amplitude_std,
+    combine_fit,
+    deflection_amplitude,
+    fit_harmonics,
+    mean_of,
+)
 from thesis_lib.measure.recordings.board import Board, Markers
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import check_files, markers_of
@@ -155,7 +162,7 @@ INTERPOLATED_FRAMES = 6  # frames that are interpolated
 
 
 @dataclass(frozen=True)
-class Tracks(fits.Fitted):
+class Tracks(Fitted):
     """Tracks of the chosen cameras at one width, ready for triangulation."""
 
     uv: Array  #: Marker centres without distortion, px, shape (cameras, frames, 2, markers)
@@ -198,10 +205,10 @@ def select_tracks(
     steady = (times >= begin) & (times <= end)
     resting = own_times < float(data["rest"]) - 1 / rates.min()
     harmonics = [
-        fits.fit_harmonics(omega, own[chosen], camera_uv[chosen], order)
+        fit_harmonics(omega, own[chosen], camera_uv[chosen], order)
         for own, chosen, camera_uv in zip(times, steady, uv, strict=True)
     ]
-    still = np.array([fits.mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
+    still = np.array([mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
     rest, rest_frames = still, int(np.count_nonzero(resting[0]))
     if matched:
         matches = data["matches"].sel(width=width).values[index]
@@ -209,8 +216,8 @@ def select_tracks(
         rest, rest_frames = uv[:, 0], 1
         for i, own in enumerate(harmonics):
             off = uv[i] - own.at(omega, times[i])
-            harmonics[i] = replace(own, sigma=np.sqrt(fits.mean_of(off[steady[i]] ** 2)))
-    fit = fits.combine_fit(cameras, harmonics, rest, markers)
+            harmonics[i] = replace(own, sigma=np.sqrt(mean_of(off[steady[i]] ** 2)))
+    fit = combine_fit(cameras, harmonics, rest, markers)
     delays = data["delay"].values[index]
     whole = whole_frames(delays - delays[0], rates[0])
     return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, rest_frames)
@@ -262,29 +269,33 @@ def measure_deflection(
     """
     P, omega = tracks.P, instant.omega
     if method == "harmonic":
-        shape = rc.real_shape(fits.deflection_amplitude(tracks, omega, exposures), instant.phase)
-        return shape, fits.amplitude_std(tracks, omega, exposures)
-    if method in ("matched", "literal"):  # each camera's frame nearest to a maximum, as it is
-        first = tracks.times[0, 0] * tracks.rate
-        frames = np.rint(instant.times * tracks.rate - first).astype(int)[:, None] - tracks.frames
-        # Who started first ends first
-        followed = np.asarray(np.isfinite(tracks.uv).any(axis=(2, 3)))
-        there = (frames >= 0) & (frames < followed.shape[1])
-        there &= followed[np.arange(len(P)), np.where(there, frames, 0)]
-        common = there.all(axis=1)
-        if not common.any():
-            raise ValueError(
-                "no frame near a maximum of the deflection was recorded by all cameras"
-            )
-        seen = replace(instant, times=instant.times[common])
-        number = round(seen.nearest(tracks.rate, first)[1] * tracks.rate - first)
-        uv = tracks.uv[np.arange(len(P)), number - tracks.frames]
+        shape = rc.real_shape(deflection_amplitude(tracks, omega, exposures), instant.phase)
+        return shape, amplitude_std(tracks, omega, exposures)
+    if method in ("matched", "literal"):  # they take frames as they are
+        uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
         noise_gain = 1.0
     else:
         pairs, n = zip(tracks.times, tracks.uv, strict=True), INTERPOLATED_FRAMES
         uv = np.stack([rc.interpolate_frames(*pair, instant.times[0], n) for pair in pairs])
-        places = n / 2 - 1 + np.linspace(0, 1, 21)
-        weights = [rc.interpolate_frames(np.arange(n), np.eye(n), place, n) for place in places]
+        weights = [
+            rc.interpolate_frames(np.arange(n), np.eye(n), n / 2 - 1 + fraction, n)
+            for fraction in np.linspace(0, 1, 21)
+        ]
         noise_gain = float(np.mean([float(np.linalg.norm(one)) ** 2 for one in weights]))
     sigma = tracks.sigma * np.sqrt(noise_gain + 1 / tracks.rest_frames)
     return rc.measure_instant(P, tracks.frame, tracks.rest, uv, sigma)
+
+
+def _find_maximum_frames(tracks: Tracks, instant: Instant) -> IntArray:
+    """Return each camera's frame nearest to a maximum that all recorded, shape (cameras,)."""
+    first = tracks.times[0, 0] * tracks.rate
+    frames = np.rint(instant.times * tracks.rate - first).astype(int)[:, None] - tracks.frames
+    followed = np.asarray(np.isfinite(tracks.uv).any(axis=(2, 3)))  # who started first ends first
+    there = (frames >= 0) & (frames < followed.shape[1])
+    there &= followed[np.arange(len(followed)), np.where(there, frames, 0)]
+    common = there.all(axis=1)
+    if not common.any():
+        raise ValueError("no frame near a maximum of the deflection was recorded by all cameras")
+    seen = replace(instant, times=instant.times[common])
+    number = round(seen.nearest(tracks.rate, first)[1] * tracks.rate - first)
+    return np.asarray(number - tracks.frames)

@@ -25,7 +25,7 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import figures, methods
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT, tracks_of
-from thesis_lib.figure_sets.experiment.figure_set import METHODS, ExperimentResolution
+from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
 from thesis_lib.figure_sets.experiment.figures import MARKERS, WIDTH_IN
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
@@ -104,6 +104,9 @@ def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
     return np.asarray(part.transpose("axis", "marker").values, float)
 
 
+# What they see.
+
+
 def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
@@ -147,6 +150,9 @@ def draw_board(data: xr.Dataset) -> Figure:
     left.set_title("(a) one shot of camera A")
     right.set_title("(b) one corner, pixel by pixel")
     return figure
+
+
+# Appendix F.
 
 
 def draw_outline(data: xr.Dataset) -> Figure:
@@ -215,7 +221,8 @@ def draw_centres(data: xr.Dataset) -> Figure:
     shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
     still, moved = _rest_centres(data)[:, shown], _rest_centres(data, frame=frame)[:, shown]
     pictures = data["picture_first"].values, data["picture_moved"].values
-    box = _enclose_places(np.column_stack([still, moved]), 2.5, 12, pictures[0].shape[::-1])
+    both = np.column_stack([still, moved])
+    box = _enclose_places(both, 2.5, 12, pictures[0].shape[::-1])
     figure, axes = style.subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN))
     for panel, picture in zip(axes, pictures, strict=True):
         _draw_photo(panel, picture, box)
@@ -228,6 +235,9 @@ def draw_centres(data: xr.Dataset) -> Figure:
     axes[0].set_title("(a) at rest")
     axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {tip:.1f} px")
     return figure
+
+
+# Resolution.
 
 
 def draw_widths(data: xr.Dataset) -> Figure:
@@ -273,42 +283,64 @@ def file_name(name: str) -> str:
     return f"lab-{name}.{'webp' if WALK_FIGURES[name].__module__ == __name__ else 'svg'}"
 
 
+def _encode_webp(figure: Figure) -> bytes:
+    """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
+    drawn = style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
+    picture, found = PIL.Image.open(io.BytesIO(drawn)).convert("RGB"), []
+    for lossless in (True, False):
+        file = io.BytesIO()
+        picture.save(file, format="webp", lossless=lossless, quality=WEBP_QUALITY, method=6)
+        found.append(file.getvalue())
+    return min(found, key=len)
+
+
 # What paragraphs and tables need besides the recordings.
 
 
-def _timing(data: xr.Dataset) -> dict[str, Any]:
-    """Compare delays in whole frames with the true ones; what clocks and exposure cost, in %."""
-    rate, frequency = float(data["frame_rate"][0]), float(data["frequency"])
+def _phase_loss(data: xr.Dataset, frames: float) -> float:
+    """Return what being so many frames off a maximum costs, in %."""
+    phase = 2 * np.pi * float(data["frequency"]) * frames / float(data["frame_rate"][0])
+    return float(100 * (1 - np.cos(phase)))
 
-    def phase_loss(frames: float) -> float:
-        """Return what being so many frames off a maximum costs, in %."""
-        return float(100 * (1 - np.cos(2 * np.pi * frequency * frames / rate)))
 
+def _synchronisation(data: xr.Dataset) -> dict[str, Any]:
+    """Compare delays in whole frames with the true ones."""
     cameras = []
     for one in list(iterate_slices(data, "camera"))[1:]:
         true = float(one["true_delay"] * one["frame_rate"])
-        cameras.append((one, true, phase_loss(float(one["delay_frames"]) - true)))
-    exposures = float(data["exposure"][0]), 1 / rate
-    loss, whole_frame = (100 * (1 - np.sinc(frequency * time)) for time in exposures)
-    named = {"rate": rate, "frequency": frequency, "loss": loss, "whole_frame": whole_frame}
-    return named | {"cameras": cameras, "half": phase_loss(0.5), "whole": phase_loss(1.0)}
+        cameras.append((one, true, _phase_loss(data, float(one["delay_frames"]) - true)))
+    return {"cameras": cameras}
 
 
-def _sizes(data: xr.Dataset) -> dict[str, Any]:
-    """Return how far the tip seems to move on the plane, and a marker's image at least width."""
+def _clocks(data: xr.Dataset) -> dict[str, Any]:
+    """Return the frames in a period, and what a clock that is off costs."""
+    half, whole = (_phase_loss(data, frames) for frames in (0.5, 1.0))
+    rate, frequency = float(data["frame_rate"][0]), float(data["frequency"])
+    return {"rate": rate, "frequency": frequency, "half": half, "whole": whole}
+
+
+def _exposure(data: xr.Dataset) -> dict[str, Any]:
+    """Return what the exposure takes, in %."""
+    time, rate = float(data["exposure"][0]), float(data["frame_rate"][0])
+    loss, whole = (100 * (1 - np.sinc(float(data["frequency"]) * t)) for t in (time, 1 / rate))
+    return {"loss": loss, "whole_frame": whole}
+
+
+def _matches(data: xr.Dataset) -> dict[str, Any]:
+    """Return how far the tip seems to move on the plane at rest."""
+    given = json.loads(data.attrs["rendering"])
+    sideways = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))
+    return {"amplitude_mm": given["amplitude_mm"], "sideways_mm": sideways, "markers": MARKERS}
+
+
+def _tracking(data: xr.Dataset) -> dict[str, Any]:
+    """Return the size of a marker's image at the least width."""
     given, narrow = json.loads(data.attrs["rendering"]), int(data["width"].min())
-    elevation = np.radians(given["elevation_deg"])
     camera = data.sel(calibration="full").isel(camera=0)
     focal = float(camera["K"].values[0, 0]) * narrow / float(camera["size"].values[0])
     length = 1000 * MARKERS.diameter * focal / given["distance_mm"]
-    return {
-        "amplitude_mm": given["amplitude_mm"],
-        "sideways_mm": given["amplitude_mm"] / np.tan(elevation),
-        "markers": MARKERS,
-        "narrow": narrow,
-        "length_px": length,
-        "height_px": length * np.sin(elevation),
-    }
+    height = length * np.sin(np.radians(given["elevation_deg"]))
+    return {"narrow": narrow, "length_px": length, "height_px": height}
 
 
 def _steps(data: xr.Dataset) -> dict[str, Any]:
@@ -317,9 +349,12 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
     instant, found = methods.find_maxima(data, beam.damping), []
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
-    for method in METHODS:
-        own, exposure = _tracks(data, method), data["exposure"].values
-        measured = methods.measure_deflection(own, instant, method, exposure)[0][MARKERS.middle_row]
+    tracks = {name: _tracks(data, name) for name in ("matched", "literal", "harmonic")}
+    tracks["aligned"] = tracks["literal"]
+    for method in ("matched", "literal", "aligned", "harmonic"):
+        own, exposure = tracks[method], data["exposure"].values
+        every, _ = methods.measure_deflection(own, instant, method, exposure)
+        measured = every[MARKERS.middle_row]
         error = 100 * np.abs(measured - reference) / np.abs(reference).max()
         errors = {"mean": np.sqrt(np.nanmean(error**2)), "largest": np.nanmax(error)}
         found.append((method, measured, errors))
@@ -327,7 +362,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
         "methods": found,
         "widest": int(data["width"].max()),
         "reference": reference,
-        "frame": _tracks(data, "harmonic").frame,
+        "frame": tracks["harmonic"].frame,
     }
 
 
@@ -346,8 +381,9 @@ def _parts(data: xr.Dataset) -> dict[str, Any]:
     residual, n = exact - tracks.frames / tracks.rate, len(exact)
 
     def shape_at(times: Array) -> Array:
-        pairs = zip(tracks.harmonics, times, strict=True)
-        images = [own.at(instant.omega, [time])[0] for own, time in pairs]
+        images = [
+            own.at(instant.omega, [t])[0] for own, t in zip(tracks.harmonics, times, strict=True)
+        ]
         return deflection_at(tracks.P, tracks.frame, tracks.rest, np.array(images))[row]
 
     def loss(times: Array) -> float:
@@ -364,11 +400,11 @@ def _parts(data: xr.Dataset) -> dict[str, Any]:
 
 TEXT_VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
     "lab-calibration": lambda _: {},
-    "lab-synchronisation": _timing,
-    "lab-clocks": _timing,
-    "lab-exposure": _timing,
-    "lab-matches": _sizes,
-    "lab-tracking": _sizes,
+    "lab-synchronisation": _synchronisation,
+    "lab-clocks": _clocks,
+    "lab-exposure": _exposure,
+    "lab-matches": _matches,
+    "lab-tracking": _tracking,
     "lab-steps": _steps,
     "lab-parts": _parts,
 }
@@ -386,17 +422,7 @@ def write_all(folder: Path) -> None:
         with style.in_style():
             figure = draw(data)
         path = folder / file_name(name)
-        if path.suffix == ".webp":
-            drawn = style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
-            picture, found = PIL.Image.open(io.BytesIO(drawn)).convert("RGB"), []
-            how: Any = {"format": "webp", "quality": WEBP_QUALITY, "method": 6}
-            for lossless in (True, False):
-                file = io.BytesIO()
-                picture.save(file, lossless=lossless, **how)
-                found.append(file.getvalue())
-            content = min(found, key=len)  # lossless if that is smaller, else as near as eyes tell
-        else:
-            content = style.save_figure(figure, "svg")
-        files.whole_file(path, partial(Path.write_bytes, data=content))
+        encode = _encode_webp if path.suffix == ".webp" else partial(style.save_figure, kind="svg")
+        files.whole_file(path, partial(Path.write_bytes, data=encode(figure)))
     for name in TEXT_VALUES:
         files.whole_text(folder / f"{name}.md", fill_text(data, name))
