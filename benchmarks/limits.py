@@ -5,21 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 MATRIX = 512  # rows of a product of matrices that stays in the caches
 STREAM = 2**25  # numbers, 256 MiB, more than any cache
-PASSES = 1_000_000  # multiply–adds of each number
 
 
 def flops(n_cameras: int, steps: int) -> int:
-    """Additions, multiplications and divisions per point of :mod:`thesis_lib.vision.compiled`.
+    """Additions, multiplications and divisions that a point needs, done one after the other.
 
     Linear equations: 2 to shift the image, 12 for the rows, 4 for the right sides. Gauss–Newton:
     21 for depth, h and g, 2 for the residual, 18 for the rows. To either add 36 for the normal
-    equations. The solution of a 3×3 system by LDLᵀ takes 32. A test counts them.
+    equations. The solution of a 3×3 system by LDLᵀ takes 32.
     """
     solution, equations = 32, 36
     linear, reprojection = 18 + equations, 41 + equations
@@ -52,9 +50,7 @@ def processor_seconds(work: Callable[[], object]) -> float:
     return time.process_time() - start
 
 
-def measure(
-    repetitions: int = 7, matrix: int = MATRIX, stream: int = STREAM, passes: int = PASSES
-) -> Limits:
+def measure(repetitions: int = 7, matrix: int = MATRIX, stream: int = STREAM) -> Limits:
     """The fastest of several repetitions: a limit is what was possible once."""
     a, b = np.random.default_rng(0).normal(size=(2, matrix, matrix))
     long = np.ones(stream)
@@ -65,15 +61,6 @@ def measure(
 
     calls = max(1, 2**29 // matrix**3)  # so many that a clock can tell
     product = best(lambda: [a @ b for _ in range(calls)])
-    peak, by = calls * 2e-9 * matrix**3 / product, "a product of matrices (a lower bound)"
+    peak = calls * 2e-9 * matrix**3 / product
     bandwidth = 8e-9 * stream / best(lambda: long @ long)
-    try:
-        from benchmarks.multiply_add import WIDTHS, chains
-    except ImportError:
-        return Limits(peak, bandwidth, by)
-    for width in WIDTHS:
-        run = partial(chains(width), passes)
-        rate = 2e-9 * width * passes / best(run)
-        if rate > peak:
-            peak, by = rate, "fused multiply–add in registers"
-    return Limits(peak, bandwidth, by)
+    return Limits(peak, bandwidth, "a product of matrices (a lower bound)")

@@ -30,9 +30,9 @@ from thesis_lib.vision.pinhole import (
 from thesis_lib.vision.triangulation import point_covariance, triangulate
 
 SIGMA_PX = 12**-0.5  # as much as whole pixels scatter
-PACKAGES = {"numba": "numba", "OpenCV": "opencv-python-headless", "pycolmap": "pycolmap",
+PACKAGES = {"OpenCV": "opencv-python-headless", "pycolmap": "pycolmap",
             "aniposelib": "aniposelib", "SciPy": "scipy", "Acoular": "acoular"}  # fmt: skip
-MILLION = 2**20  # more points than the library has compiled code for
+MAX_POINTS = 100_000  # that any contender is given
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,6 @@ def _rows(points: Any) -> Array:
 
 CONTENDERS = (
     Contender("thesis_lib, NumPy", "", False, 100_000, _library(0)),
-    Contender("thesis_lib, compiled", "numba", False, MILLION, _library(0)),
     Contender("NumPy's svd, batched", "", False, 20_000, _svd(0)),
     Contender("OpenCV triangulatePoints", "OpenCV", False, 100_000, _opencv,
               lambda x: x[:3] / x[3]),
@@ -228,7 +227,6 @@ CONTENDERS = (
     Contender("aniposelib triangulate, fast", "aniposelib", False, 20_000, _aniposelib(True),
               _rows),
     Contender("thesis_lib, NumPy", "", True, 100_000, _library(3)),
-    Contender("thesis_lib, compiled", "numba", True, MILLION, _library(3)),
     Contender("NumPy's svd and solve, batched", "", True, 10_000, _svd(3)),
     Contender("pycolmap, Ceres, points alone", "pycolmap", True, 5000, _pycolmap_refined, _rows),
     Contender("aniposelib optim_points", "aniposelib", True, 300, _aniposelib_refined, _rows),
@@ -272,11 +270,14 @@ class Timed:
 
 
 def compare(
-    n_cameras: int, repetitions: int = 5, most: int = MILLION, absent: tuple[str, ...] | None = None
+    n_cameras: int,
+    repetitions: int = 5,
+    most: int = MAX_POINTS,
+    absent: tuple[str, ...] | None = None,
 ) -> Iterator[Timed]:
     """All contenders that are installed, in turns, on at most so many points."""
     absent = tuple(missing()) if absent is None else absent
-    whole = scene(n_cameras, min(most, MILLION))
+    whole = scene(n_cameras, min(most, MAX_POINTS))
     field = [
         c for c in CONTENDERS
         if c.package not in absent and (c.package != "OpenCV" or n_cameras == 2)

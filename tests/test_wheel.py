@@ -51,7 +51,7 @@ from thesis_lib import files
 from thesis_lib.figure_sets.record import experiments
 
 for module in pkgutil.walk_packages(thesis_lib.__path__, "thesis_lib."):
-    if not module.name.endswith(("__main__", "compiled")):
+    if not module.name.endswith("__main__"):
         __import__(module.name)
 stored = [n for n, (one, request) in experiments().items() if one.stored(request) is not None]
 print(files.library_digest(), *stored)

@@ -157,7 +157,6 @@ def open_netcdf(path: Path) -> xr.Dataset:
         raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
 
 
-# Not numba, which the book does without: with it, results are the same up to rounding.
 RESULT_PACKAGES = (
     "numpy", "scipy", "scikit-fem", "xarray", "pandas", "h5py", "opencv-python-headless", "av",
 )  # fmt: skip

@@ -10,13 +10,8 @@ With a_k the first three entries of row k of P, w the inverse depth and (h, g) t
     JᵀJ = Σ w² [Q₀₀ − h Q₀ − g Q₁ + (h² + g²) Q₂],
     Q₀₀ = a₁a₁ᵀ + a₂a₂ᵀ,  Q₀ = a₁a₃ᵀ + a₃a₁ᵀ,  Q₁ = a₂a₃ᵀ + a₃a₂ᵀ,  Q₂ = a₃a₃ᵀ.
 
-Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m. More than a million points go
-through ``thesis_lib.vision.compiled`` where numba is installed; the results are equal up to
-rounding.
+Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 """
-
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +20,6 @@ from thesis_lib.arrays import Array, ArrayLike
 UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points per block: intermediate results stay in cache, and the allocator reuses their memory.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 72000  # the latter: camera × point values, for many cameras
-_COMPILED_ABOVE = 10**6  # points: loading compiled code costs less than it gains (first: seconds)
 # Motion over depth in a step below which JᵀJ is kept: its change is of second order
 _MAX_FIXED_MOTION = 1e-5
 
@@ -56,10 +50,6 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     n = len(P)
     pixels = uv.reshape(n, 2, -1)
     points = np.empty((3, pixels.shape[2]))
-    solve = _load_compiled() if points.shape[1] > _COMPILED_ABOVE else None
-    if solve is not None:
-        solve(*map(np.ascontiguousarray, (*centre_projections(P), pixels)), steps, points)
-        return points.reshape((3,) + uv.shape[2:])
     block = max(1, min(_BLOCK_POINTS, _BLOCK_VALUES // n, pixels.shape[2]))
     solver = _NormalEquations(P, block)
     with np.errstate(divide="ignore", invalid="ignore"):  # degenerate rays end as NaN or inf
@@ -67,15 +57,6 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
             part = slice(start, start + block)
             points[:, part] = solver.solve(pixels[:, :, part], steps)
     return points.reshape((3,) + uv.shape[2:])
-
-
-def _load_compiled() -> Callable[..., Any] | None:
-    """Return the compiled solver if numba is installed."""
-    try:
-        from thesis_lib.vision.compiled import solve_points
-    except ImportError:
-        return None
-    return solve_points
 
 
 def check_arrays(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:

@@ -18,12 +18,7 @@ from thesis_lib.text import format_share
 
 Row = Mapping[str, Any]
 
-NUMPY_ROW, COMPILED_ROW, CERES_ROW = (
-    "thesis_lib, NumPy",
-    "thesis_lib, compiled",
-    "pycolmap, Ceres, points alone",
-)
-OWN_PACKAGES = ("", "numba")  # needed by no peer
+OWN_ROW, CERES_ROW = "thesis_lib, NumPy", "pycolmap, Ceres, points alone"
 PLANNED_POINTS = 10**9
 CHUNK_POINTS = 2**20  # that a worker holds at a time
 WORKER_COUNTS = (1, 2, 8, 32)
@@ -64,25 +59,23 @@ def compare_contenders(run: Row) -> list[dict[str, Any]]:
             for one in run["triangulation"]
             if (one["cameras"], one["refined"]) == (row["cameras"], row["refined"])
         ]
-        peers = [one for one in same if one["package"] not in OWN_PACKAGES]
+        peers = [one for one in same if one["package"]]
         peer = max(peers, key=median_rate, default=None)
         ceres = next((one for one in same if row["refined"] and one["name"] == CERES_ROW), None)
-        rate, own = median_rate(row), row["name"] in (NUMPY_ROW, COMPILED_ROW)
+        rate = median_rate(row)
         values = {
             "rate": rate,
             "to_peer": peer and median_ratio(row["rates"], peer["rates"]),
             "to_ceres": ceres and median_ratio(row["rates"], ceres["rates"]),
-            "share": rate / row["limit"] if own else None,
+            "share": rate / row["limit"] if row["name"] == OWN_ROW else None,
         }
         rows.append({**row, **values})
     return rows
 
 
 AIMS = {
-    "linear": (NUMPY_ROW, False, "to_peer"),
-    "refined": (NUMPY_ROW, True, "to_ceres"),
-    "compiled": (COMPILED_ROW, True, "to_ceres"),
-    "share": (COMPILED_ROW, True, "share"),
+    "linear": (OWN_ROW, False, "to_peer"),
+    "refined": (OWN_ROW, True, "to_ceres"),
 }
 """What was aimed at: the contender, whether refined, and the value that is compared."""
 
@@ -110,7 +103,7 @@ def estimate_limits(run: Row) -> list[dict[str, Any]]:
             "by_memory": 1e3 * limits["bandwidth"] / row["bytes"],
         }
         for row in run["triangulation"]
-        if row["name"] == NUMPY_ROW
+        if row["name"] == OWN_ROW
     ]
 
 
@@ -128,12 +121,11 @@ def plan_points(run: Row) -> list[dict[str, Any]]:
     """Plan time and memory of a thousand million refined points, at the measured rates."""
     rows = []
     for row in run["triangulation"]:
-        if row["refined"] and row["name"] in (NUMPY_ROW, COMPILED_ROW):
+        if row["refined"] and row["name"] == OWN_ROW:
             seconds = PLANNED_POINTS / (1e6 * median_rate(row))
             read_bytes = 1e9 * run["limits"]["bandwidth"] * seconds
             values = {
                 "cameras": row["cameras"],
-                "by": row["name"].split(", ")[1],
                 "images_gb": 16e-9 * row["cameras"] * PLANNED_POINTS,
                 "points_gb": 24e-9 * PLANNED_POINTS,
                 "chunk_mib": row["bytes"] * CHUNK_POINTS / 2**20,
