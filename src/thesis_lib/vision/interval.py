@@ -46,7 +46,6 @@ Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -61,7 +60,7 @@ _DAMPING_RATIO = 0.8  # share of the way to their new values that sites go
 _MIN_FREE_PRECISION = 1e-4  # least share of a coordinate's precision that is left without its site
 _MAX_SIGMAS = 8.0  # standard deviations from a face that is as good as infinitely far
 _MAX_OUTSIDE_SIGMAS = 5.0  # σ that a coordinate may be outside of its pixel
-_KNEE_SIGMAS, _ROOT_TWO_PI = 5.0, (2 * np.pi) ** 0.5
+_ROOT_TWO_PI = (2 * np.pi) ** 0.5
 # How often entries of a triangle are in the matrix
 _ENTRY_COUNTS = np.array([1, 2, 2, 1, 2, 1])[:, None]
 _FULL_INDICES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # a matrix from its upper triangle
@@ -168,45 +167,23 @@ def pixel_mass(distance: Array, variance: ArrayLike) -> tuple[Array, Array, Arra
 
     In units φ(α) of the nearer face, so that they hold however far out of the pixel the mean is.
     """
+    from scipy.special import erfcx  # the rest of the physics needs NumPy alone
+
+    def mills_ratio(x: Array) -> Array:  # (1 − Φ(x)) / φ(x)
+        return np.asarray(_ROOT_TWO_PI / 2 * erfcx(x / np.sqrt(2)))
+
     scale = 1 / np.sqrt(variance)
     off = np.abs(distance) * scale
     alpha, beta = np.maximum(off - scale / 2, -_MAX_SIGMAS), off + scale / 2
     ratio = np.exp((alpha - beta) * (alpha + beta) / 2)  # φ(β) / φ(α)
-    near = _mills_ratio(np.abs(alpha))
+    near = mills_ratio(np.abs(alpha))
     inside = np.minimum(alpha, 0)
     near = np.where(alpha < 0, _ROOT_TWO_PI * np.exp(inside * inside / 2) - near, near)
-    mass = near - ratio * _mills_ratio(beta)
+    mass = near - ratio * mills_ratio(beta)
     pull = (1 - ratio) / mass
     H = pull * pull - (alpha - beta * ratio) / mass
     log_mass = np.log(mass / _ROOT_TWO_PI) - alpha * alpha / 2
     return log_mass, np.copysign(pull * scale, distance), H * scale * scale
-
-
-def _mills_ratio(x: Array) -> Array:
-    """Return Mills' ratio (1 − Φ(x)) / φ(x), x ≥ 0, to 1e-14, four times as fast as SciPy."""
-    first, *others = _mills_coefficients()
-    t = 1 - 2 * _KNEE_SIGMAS / (x + _KNEE_SIGMAS)
-    total = np.full_like(t, first)
-    for coefficient in others:
-        total *= t
-        total += coefficient
-    total /= 1 + x
-    return total
-
-
-@cache
-def _mills_coefficients() -> list[float]:
-    """Return coefficients of (1 + x) times Mills' ratio in powers of t, x = knee (1 + t) / (1 − t).
-
-    It is ∫ exp(−x s − s²/2) ds from 0, here over (1 + x) s up to 40.
-    """
-    nodes, weights = np.polynomial.legendre.leggauss(100)
-    s = 20 * (1 + nodes)
-    chebyshev = np.polynomial.chebyshev
-    t = chebyshev.chebpts1(21)
-    x = (_KNEE_SIGMAS * (1 + t) / (1 - t))[:, None]
-    scaled = np.exp(-x / (1 + x) * s - (s / (1 + x)) ** 2 / 2) @ (20 * weights)
-    return chebyshev.cheb2poly(chebyshev.chebfit(t, scaled, 20))[::-1].tolist()
 
 
 def _solve_sites(precision: Array, right: Array, frames: int) -> tuple[Array, Array, Array]:

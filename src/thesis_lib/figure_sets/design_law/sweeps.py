@@ -1,7 +1,6 @@
 """Part (c) of ``design-law``: the thesis's findings in expectation, one parameter at a time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,43 +27,6 @@ CONE_MOTION_PX = 4.0  # range of random motions on the cone, in which every frac
 AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the thesis's is averaged
 
 
-@dataclass(frozen=True)
-class SweepRig:
-    """Equal cameras at one distance: a pair that shares an elevation, or a cone of several."""
-
-    distance: float  #: Distance from the structure's centre in m
-    size: tuple[int, int]  #: Width and height of the sensors in px
-    focal: float  #: Focal length over the width of the sensor
-    #: Angles of a pair in rad: between the azimuths, and above the structure
-    aperture: float = 0.0
-    elevation: float = 0.0
-    #: Cameras on a cone, and its angle from the normal in rad; no cone if `count` is 0
-    count: int = 0
-    angle: float = 0.0
-
-    def cameras(self) -> CameraArray:
-        """Return the cameras."""
-        focal_px = self.focal * self.size[0]
-        if self.count:
-            return cone_law.cone_cameras(self.distance, self.angle, self.count, focal_px, self.size)
-        azimuth = np.array([self.aperture, -self.aperture]) / 2
-        elevation = np.full(2, self.elevation)
-        return hemisphere_cameras(self.distance, azimuth, elevation, focal_px, self.size)
-
-    def centre_error(self, noisy: bool = False) -> float:
-        """Return error of a deflection at the centre in m by the closed forms, amplitudes averaged.
-
-        Of rounding, or of independent noise as large in every coordinate.
-        """
-        focal_px = self.focal * self.size[0]
-        if self.count:
-            error = cone_law.cone_deflection_error(self.distance, focal_px, self.count, self.angle)
-        else:
-            pair = cone_law.pair_noise_error if noisy else cone_law.pair_deflection_error
-            error = pair(self.distance, focal_px, self.aperture, self.elevation)
-        return float(error)
-
-
 def sweep_values(structure: str, finding: str) -> Array:
     """Return the values of a sweep over the range of the thesis: mm, px, cameras or degrees."""
     if finding == "number":
@@ -80,19 +42,33 @@ def sweep_values(structure: str, finding: str) -> Array:
     return np.rint(values) if finding == "resolution" else values
 
 
-def step_rig(study: DesignLaw, structure: str, finding: str, value: float) -> SweepRig:
-    """Return the cameras of one step; all else is as in the thesis's study of it."""
-    focal, size = study.focal_length_mm / study.sensor_width_mm, study.resolution_px
-    if finding == "number":
-        angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
-        return SweepRig(distance, size, focal, count=int(value), angle=float(angle))
-    printed = setups.setup_table(structure, "aperture" if finding == "elevation" else finding)
-    distance = (value if finding == "distance" else printed["distance_mm"]) / 1000
+def step_rig(
+    study: DesignLaw, structure: str, finding: str, value: float
+) -> tuple[CameraArray, float, float]:
+    """Return the cameras of one step; all else is as in the thesis's study of it.
+
+    After them come the errors of a deflection at the centre in m, by the closed forms: of rounding
+    with amplitudes averaged, and of independent noise as large in every coordinate.
+    """
+    size = study.resolution_px
     if finding == "resolution":
         size = int(value), round(value * 9 / 16)
+    focal = study.focal_length_mm / study.sensor_width_mm * size[0]
+    if finding == "number":
+        angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
+        error = cone_law.cone_deflection_error(distance, focal, int(value), angle)
+        cone = cone_law.cone_cameras(distance, angle, int(value), focal, size)
+        return cone, float(error), float(error)
+    printed = setups.setup_table(structure, "aperture" if finding == "elevation" else finding)
+    distance = (value if finding == "distance" else printed["distance_mm"]) / 1000
     aperture = value if finding == "aperture" else 2 * printed.get("azimuth_deg", 90.0)
     elevation = value if finding == "elevation" else printed["elevation_deg"]
-    return SweepRig(distance, size, focal, *np.radians([aperture, elevation]).tolist())
+    opening, tilt = np.radians([aperture, elevation])
+    azimuth = np.array([opening, -opening]) / 2
+    pair = hemisphere_cameras(distance, azimuth, np.full(2, tilt), focal, size)
+    laws = pair_deflection_error, pair_noise_error
+    rounding_error, noise = (float(law(distance, focal, opening, tilt)) for law in laws)
+    return pair, rounding_error, noise
 
 
 def mode_shapes(structure: Structure, peak: float) -> Array:
@@ -142,15 +118,14 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
         for f, finding in enumerate(SWEPT_FINDINGS):
             values[f, s] = sweep_values(name, finding)
             for i, value in enumerate(values[f, s]):
-                one = step_rig(study, name, finding, value)
-                cameras = one.cameras()
+                cameras, centre, noisy_centre = step_rig(study, name, finding, value)
                 at = f, s, i
                 errors["expected"][at] = 100 * predicted_rms(cameras, points) / peak
                 errors["exact"][at] = 100 * exact_rms(cameras, points) / peak
                 errors["small"][at] = 100 * exact_rms(cameras, tiny) / tiny_peak
-                errors["centre"][at] = 100 * one.centre_error() / peak
+                errors["centre"][at] = 100 * centre / peak
                 errors["noisy"][at] = 100 * noise_error(cameras, points[:, 0]) / peak
-                errors["noisy_centre"][at] = 100 * one.centre_error(noisy=True) / peak
+                errors["noisy_centre"][at] = 100 * noisy_centre / peak
             if finding != "aperture":
                 low = finding == "elevation"
                 base = np.cos(np.radians(values[f, s])) if low else values[f, s]
@@ -158,7 +133,7 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
                     found[f, s] = fit_exponent(base, errors[kind][f, s])
         # Every degree: with amplitudes as they are the law has many dips
         apertures = np.arange(10.0, 181.0)
-        tried = [step_rig(study, name, "aperture", one).cameras() for one in (*apertures, WIDE_DEG)]
+        tried = [step_rig(study, name, "aperture", one)[0] for one in (*apertures, WIDE_DEG)]
         for k, law in enumerate((exact_rms, predicted_rms)):
             *each, wide = [law(cameras, points) for cameras in tried]
             least = int(np.argmin(each))
