@@ -6,13 +6,10 @@ so do the experiments of the page on the law of rounding. Everything else comes 
 structures' constants, the thesis's setups, their published errors, and what the thesis states.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
-
-import anywidget
-import traitlets
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import Claim, claims_of
@@ -23,18 +20,14 @@ from thesis_lib.files import whole_text
 from thesis_lib.notebook.show import form_data
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
-from thesis_lib.web.html import VIEWER_CSS, copy_plain, join_modules, read_asset, static_html
+from thesis_lib.web.html import VIEWER_CSS, join_modules, read_asset, static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
-
-__all__ = ["Explorer", "explorer_data", "explorer_html"]
 
 EXPLORER_MODES = (1, 2, 3)
 ERROR_NAMES = ("mean_error", "max_point_error")
 EXPLORER_FALLBACK = (
     "The explorer needs JavaScript; `thesis run beam-arrays` measures layouts of your own."
 )
-_EXPLORER_SCRIPT = join_modules("explorer")
-_EXPLORER_STYLE = VIEWER_CSS + read_asset("explorer.css")
 
 
 def explorer_data() -> dict[str, Any]:
@@ -110,61 +103,25 @@ def _quote_claims(claims: tuple[Claim, ...], setting: setups.Setting, mode: int,
     )
 
 
-class Explorer(anywidget.AnyWidget):
-    """Cameras around a beam or a plate, to be dragged, and the accuracy that they give.
-
-    Parameters
-    ----------
-    address : str, optional
-        What to show, as it stands behind the ``?`` of a page's address: ``s`` beam or plate, ``m``
-        mode, and ``t`` a setup of the thesis such as ``4a-6`` (its case and value) or else ``w``
-        width in px (or ``400x300``), ``f`` focal length, ``d`` distance and ``a`` amplitude in mm,
-        ``r`` rest position ``rebuilt`` or ``known``, and ``c`` azimuth and elevation of the
-        cameras in degrees: ``s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15``. What is unknown or makes
-        no sense is ignored. In a live notebook it follows what the reader does.
-    data : dict, optional
-        That of :func:`explorer_data`.
-    """
-
-    _esm = _EXPLORER_SCRIPT
-    _css = _EXPLORER_STYLE
-    data = traitlets.Dict().tag(sync=True)
-    address = traitlets.Unicode().tag(sync=True)
-
-    def __init__(self, address: str = "", **traits: Any) -> None:
-        super().__init__(address=address, **{"data": explorer_data(), **traits})
-
-    @traitlets.validate("data")
-    def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
-        return copy_plain(proposal["value"])
-
-    def __repr__(self) -> str:
-        return f"Explorer({self.address!r})"
-
-    def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        page = explorer_html(self.address, data=self.data)
-        return {**data, "text/plain": repr(self), "text/html": page}, metadata
-
-
-def explorer_html(
-    address: str = "", compact: bool = False, data: Mapping[str, Any] | None = None
-) -> str:
+def explorer_html(address: str = "", compact: bool = False) -> str:
     """Write the explorer as a self-contained HTML fragment for a page without a kernel.
 
     Parameters
     ----------
     address : str, optional
-        What to show first, as in :class:`Explorer`; a page's own address comes before it.
+        What to show first, unless the page's own address says it behind its ``?``: ``s`` beam or
+        plate, ``m`` mode, and ``t`` a setup of the thesis such as ``4a-6`` (its case and value) or
+        else ``w`` width in px (or ``400x300``), ``f`` focal length, ``d`` distance and ``a``
+        amplitude in mm, ``r`` rest position ``rebuilt`` or ``known``, and ``c`` azimuth and
+        elevation of the cameras in degrees: ``s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15``. What is
+        unknown or makes no sense is ignored.
     compact : bool, optional
         Show the view, the shapes and the least controls, with a link to the page ``explorer.html``
         that has them all.
-    data : dict, optional
-        That of :func:`explorer_data`.
     """
-    data = explorer_data() if data is None else data
-    traits = {"data": data, "address": address, "page": True, "compact": compact}
-    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, EXPLORER_FALLBACK, prints=True)
+    traits = {"data": explorer_data(), "address": address, "page": True, "compact": compact}
+    script, style = join_modules("explorer"), VIEWER_CSS + read_asset("explorer.css")
+    return static_html(script, style, traits, EXPLORER_FALLBACK, prints=True)
 
 
 EXPERIMENT_FALLBACK = "This experiment needs JavaScript; the text below describes what it shows."

@@ -3,8 +3,7 @@
 import json
 import re
 from collections.abc import Callable
-from functools import cache, partial
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from thesis_lib.facts.claims import read_index
@@ -24,8 +23,7 @@ def tabulate_chapter(name: str) -> str:
         if number[0] in CHAPTER_FILES[name]:
             errata = [one.removeprefix("errata#errata-") for one in entry.errata]
             page = _link_document(entry.page) if entry.page else entry.reason
-            functions = [(function, _is_documented(function)) for function in entry.function]
-            kinds[kind].append((number, entry, errata, page, functions))
+            kinds[kind].append((number, entry, errata, page))
     return render(__file__, "thesis-index", kinds=kinds)
 
 
@@ -40,25 +38,6 @@ def _link_document(page: str) -> str:
         return f"[{title}]({document}.md), equation {{eq}}`{anchor}`"
     label = re.search(rf"^(\({anchor}\)=|:name: {anchor})$", text, re.MULTILINE)
     return f"[{title}]({anchor if label else page.replace('#', '.md#')})"
-
-
-@cache
-def _read_directives(root: Path) -> list[tuple[str, str]]:
-    """Return names and options of the modules and classes on the pages of the reference."""
-    pages = (root / "book" / "api").glob("*.rst")
-    api = "".join(page.read_text(encoding="utf-8") for page in pages)
-    directive = r"^\.\. auto(?:module|class):: ([\w.]+).*\n((?:   :.*\n)*)"
-    return re.findall(directive, api, re.MULTILINE)
-
-
-def _is_documented(name: str) -> bool:
-    """Return whether a name in the library stands on a page of the reference."""
-    for target, options in _read_directives(project_root()):
-        member = name.removeprefix(f"{target}.").split(".")[0]
-        members = re.search(rf":members:( *$|.*\b{member}\b)", options, re.MULTILINE)
-        if name == target or (name.startswith(f"{target}.") and members):
-            return True
-    return False
 
 
 CHAPTER_SUBJECTS = {  # pieces of the page: subjects, in the order in which they claim a gap

@@ -1,6 +1,5 @@
 // The explorer: cameras to drag around a beam or a plate, and at once the accuracy that they give.
-// Front end of thesis_lib.book.explorer.Explorer in the form anywidget expects; static_html runs it
-// without a kernel.
+// Front end of thesis_lib.book.explorer in the form that static_html runs.
 import { createShapes, createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
