@@ -23,6 +23,7 @@ from thesis_lib.book.pieces import benchmarks, factors, illustrations, opened, t
 from thesis_lib.book.pieces import manifest as recordings
 from thesis_lib.book.pieces import write as texts
 from thesis_lib.figure_sets import record as measured_sample
+from thesis_lib.figure_sets.claims import compute as ledger
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
 from thesis_lib.figure_sets.registry import STUDIES
@@ -54,8 +55,8 @@ def task_inputs() -> Iterator[dict[str, Any]]:
     """Compute the interpretations of the thesis first: they take long, and rest on no cube."""
     yield {
         "name": "interpretations",
-        "actions": [(build.make_inputs, ["claims"])],
-        "targets": build.input_files("claims"),
+        "actions": [build.make_inputs],
+        "targets": ledger.input_files(ledger.Claims()),
         "uptodate": [True],  # their names tell what they are made from
         "io": {"capture": False},
     }
@@ -87,8 +88,8 @@ def task_assets() -> Iterator[dict[str, Any]]:
 def task_piece() -> Iterator[dict[str, Any]]:
     """Write the tables, sentences and pictures that pages include."""
     others = [path for path in NOTEBOOKS if path.stem != "claims"]
-    ledger = [name for name in texts.PIECES if name in texts.OF_LEDGER]
-    numbers = [name for name in texts.PIECES if name not in ledger]
+    last = [name for name in texts.PIECES if name in texts.OF_LEDGER]
+    numbers = [name for name in texts.PIECES if name not in last]
     figures = opened.find_figure_names(PAGES)
     data = ExperimentResolution().recordings.stored_path
 
@@ -109,7 +110,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
         included(*numbers),
     )  # fmt: skip
     yield make_task(
-        "numbers of the ledger", lambda: write(ledger), [*NOTEBOOKS, *TEXT_CODE], included(*ledger)
+        "numbers of the ledger", lambda: write(last), [*NOTEBOOKS, *TEXT_CODE], included(*last)
     )
     yield make_task(
         "figure of the conclusions",

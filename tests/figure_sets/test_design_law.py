@@ -1,6 +1,5 @@
 """The law of rounding for design: closed forms against Jacobians, drawings and brute force."""
 
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -11,11 +11,10 @@ from itertools import permutations
 import grimp
 import pytest
 
-from thesis_lib.figure_sets.claims.figure_set import OTHER_READINGS, OWN_RUNS
 from thesis_lib.figure_sets.cube_file import PACKAGE_FOLDER, source_files
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 
-PRODUCTS = {one.module: one for one in (*FIGURE_SETS.values(), OWN_RUNS, OTHER_READINGS)}
+PRODUCTS = {one.module: one for one in FIGURE_SETS.values()}
 LOADED = """
 import importlib, json, sys
 import thesis_lib.figure_sets.registry

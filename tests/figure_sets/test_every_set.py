@@ -180,7 +180,7 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(name, tmp_path, monke
 def test_another_seed_draws_again_and_keeps_the_laws():
     values = {"trials": 5, "widths_px": [16]}
     one, same, other = (
-        FIGURE_SETS["cameras"].compute(validate_request("cameras", values | more), {})
+        FIGURE_SETS["cameras"].compute(validate_request("cameras", values | more))
         for more in ({}, {}, {"seed": 5})
     )
     xr.testing.assert_equal(one, same)

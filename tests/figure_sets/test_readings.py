@@ -9,7 +9,7 @@ import xarray as xr
 from thesis_lib.facts import claims
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS
 from thesis_lib.figure_sets.claims import compute
-from thesis_lib.figure_sets.claims.figure_set import OtherReadings
+from thesis_lib.figure_sets.claims.figure_set import Claims
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
@@ -33,9 +33,7 @@ def cube_of(name, **values):
 
 
 def run(*names, **draws):
-    return compute.run_readings(
-        OtherReadings(**{"trials": TRIALS, "readings": list(names), **draws})
-    )
+    return compute.run_readings(Claims(**{"trials": TRIALS, "readings": list(names), **draws}))
 
 
 # -- How readings are compared --

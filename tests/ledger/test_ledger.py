@@ -14,7 +14,7 @@ from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import compute
-from thesis_lib.figure_sets.claims.figure_set import OtherReadings
+from thesis_lib.figure_sets.claims.figure_set import Claims
 from thesis_lib.figure_sets.claims.figures import LedgerTable
 from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -416,7 +416,7 @@ def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
 def other_readings():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compute, "CAMERA_STUDIES", {"beam-distance": STUDIES["beam-distance"]})
-        return compute.run_readings(OtherReadings(trials=2, readings=["rest known"]))
+        return compute.run_readings(Claims(trials=2, readings=["rest known"]))
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from thesis_lib.facts import claims
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import compute
 from thesis_lib.figure_sets.claims.compute import judge_claims
-from thesis_lib.figure_sets.claims.figure_set import OwnRuns
+from thesis_lib.figure_sets.claims.figure_set import Claims
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
@@ -39,7 +39,7 @@ def cube_of(name):
 @cache
 def own_cube():
     """The ledger's own runs."""
-    return compute.run_layouts(OwnRuns(trials=TRIALS))
+    return compute.run_layouts(Claims(trials=TRIALS))
 
 
 @cache

@@ -24,4 +24,4 @@ def small_cube(name, **values):
     if name in OF_LEDGER:
         return ledger.cube_of(name)
     request = validate_request(name, REQUESTS[name] | values)
-    return with_provenance(FIGURE_SETS[name].compute(request, {}), request, 0.0)
+    return with_provenance(FIGURE_SETS[name].compute(request), request, 0.0)

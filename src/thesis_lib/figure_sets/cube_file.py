@@ -1,9 +1,8 @@
 """The cube of a request: computed, kept, and read from a file.
 
-First what it needs is made, then its own; what is kept is computed once. What is kept is found by
-digests of all that made it: folders of code, facts, recordings, and the lock. A folder counts as a
-whole. What a product does not share with all others, it names in its
-:attr:`~thesis_lib.figure_sets.figure_set.Product.rooms`.
+What is kept is computed once, and found by digests of all that made it: folders of code, facts,
+recordings, and the lock. A folder counts as a whole. What a figure set does not share with all
+others, it names in its :attr:`~thesis_lib.figure_sets.figure_set.FigureSet.rooms`.
 
 A file is read only if it is what its own request asks for, no more and no less.
 """
@@ -22,7 +21,7 @@ import xarray as xr
 
 from thesis_lib.facts.setups import data_folder
 from thesis_lib.figure_sets import registry
-from thesis_lib.figure_sets.figure_set import Product
+from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.files import digest_of, folder_files, shipped, workplace
 from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.request import ParameterError, Study
@@ -40,34 +39,17 @@ def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
         Workers that compute what can be cut into pieces
         (:func:`thesis_lib.studies.workers.check_address`); empty computes here.
     """
-    return make_product(registry.FIGURE_SETS[asked.name], asked, scheduler)
-
-
-def make_product(product: Product, asked: Study, scheduler: str = "") -> xr.Dataset:
-    """Return a product for a request, with its provenance."""
+    figure_set = registry.FIGURE_SETS[asked.name]
+    library = code_digest(figure_set)
 
     def compute_result(_: object = None) -> xr.Dataset:
-        needs = product.needs(asked)
-        inputs = {role: make_product(*needed, scheduler) for role, needed in needs.items()}
-        return product.compute(asked, inputs, scheduler)
+        return figure_set.compute(asked, scheduler)
 
-    library = code_digest(product)
-    if product.kept:
-        return storage.cached_study(asked, compute_result, request_key(product, asked), library)
+    if figure_set.kept:
+        return storage.cached_study(asked, compute_result, request_key(asked), library)
     begun = time.perf_counter()
     result = compute_result()
     return schema.with_provenance(result, asked, time.perf_counter() - begun, library)
-
-
-def cache_file(product: Product, asked: Study) -> Path:
-    """Return the file in which the cache holds a product for a request."""
-    return storage.cache_path(asked, request_key(product, asked))
-
-
-def make_inputs(name: str) -> None:
-    """Compute and cache what a figure set needs besides the cubes of others."""
-    for needed in registry.FIGURE_SETS[name].needs(registry.STUDIES[name]()).values():
-        make_product(*needed)
 
 
 PACKAGE_FOLDER = Path(__file__).parents[1]
@@ -76,12 +58,14 @@ FACT_FILES = ("assumptions.toml", "setups.toml", "structures.toml")
 LOCK_FILE = Path("requirements", "book.txt")
 
 
-def source_files(product: Product) -> list[Path]:
-    """Return the files of code and facts that can change a product, and the lock."""
-    own = Path(import_module(product.module.rpartition(".")[0]).__path__[0])
-    rooms = [PACKAGE_FOLDER / room for room in (*SCIENCE_ROOMS, *product.rooms)]
+def source_files(figure_set: FigureSet) -> list[Path]:
+    """Return the files of code and facts that can change a cube, and the lock."""
+    own = Path(import_module(figure_set.module.rpartition(".")[0]).__path__[0])
+    rooms = [PACKAGE_FOLDER / room for room in (*SCIENCE_ROOMS, *figure_set.rooms)]
     every = sorted(data_folder().iterdir())
-    facts = every if "ledger" in product.rooms else [one for one in every if one.name in FACT_FILES]
+    facts = (
+        every if "ledger" in figure_set.rooms else [one for one in every if one.name in FACT_FILES]
+    )
     code = [
         path
         for path in folder_files([*rooms, own])
@@ -91,21 +75,20 @@ def source_files(product: Product) -> list[Path]:
 
 
 @cache
-def code_digest(product: Product) -> str:
+def code_digest(figure_set: FigureSet) -> str:
     """Return the digest that a cube carries of the code, facts and packages that made it.
 
     It is that of the files when this process first asked, as what it has imported is, too.
     """
-    own = digest_of(source_files(product))
+    own = digest_of(source_files(figure_set))
     return hashlib.sha256(f"{own} {storage.package_versions()}".encode()).hexdigest()
 
 
-def request_key(product: Product, asked: Study) -> str:
-    """Return the digest of all that determines a product for a request, inputs included."""
-    needed = [request_key(*each) for each in product.needs(asked).values()]
-    needed += [request_key(registry.FIGURE_SETS[one.name], one) for one in product.reads()]
-    needed += [digest_of(product.stored(asked))]
-    text = json.dumps([asked.name, asked.digest, code_digest(product), *needed])
+def request_key(asked: Study) -> str:
+    """Return the digest of all that determines the cube of a request, others' included."""
+    figure_set = registry.FIGURE_SETS[asked.name]
+    needed = [*map(request_key, figure_set.reads()), digest_of(figure_set.stored(asked))]
+    text = json.dumps([asked.name, asked.digest, code_digest(figure_set), *needed])
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -17,11 +17,13 @@ larger or smaller by some factor, how many of the thesis's values would be met? 
 that makes little difference tests little.
 """
 
+import hashlib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,15 +34,16 @@ from thesis_lib.acoustics.radiation import Medium
 from thesis_lib.arrays import Array
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading
-from thesis_lib.figure_sets.claims.figure_set import Claims, OtherReadings, OwnRuns
-from thesis_lib.figure_sets.cube_file import cube_of, read_built
+from thesis_lib.figure_sets.claims.figure_set import Claims
+from thesis_lib.figure_sets.cube_file import code_digest, cube_of, read_built
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
-from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
+from thesis_lib.files import cache_folder
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_differences, list_entries
-from thesis_lib.studies import cubes, workers
+from thesis_lib.studies import cubes, storage, workers
 from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.structure import (
@@ -215,7 +218,7 @@ def own_sources() -> dict[str, Source]:
     }
 
 
-def run_layouts(study: OwnRuns) -> xr.Dataset:
+def run_layouts(study: Claims) -> xr.Dataset:
     """Compute all own runs as one dataset: ``errors(series, setting, trial)``, padded with NaN."""
     draws = {"trials": study.trials, "seed": study.seed}
     found: list[tuple[str, verdicts.Series]] = []
@@ -324,7 +327,7 @@ def judge_interpretation(
     return found
 
 
-def run_readings(study: OtherReadings) -> xr.Dataset:
+def run_readings(study: Claims) -> xr.Dataset:
     """Return the agreement with the stated values under several readings, the adopted one first.
 
     ``variables.toml`` has the dimensions and meanings of the variables.
@@ -388,17 +391,30 @@ def judge_claims(open_cube: Opener, own: Mapping[str, Sequence[verdicts.Series]]
     return list_entries(open_cube, own, STUDIES, commands)
 
 
-def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
+def input_files(study: Claims) -> list[Path]:
+    """Return the files of the cache that hold the ledger's own runs and its interpretations."""
+    determines = f"{study.digest} {code_digest(FIGURE_SETS[study.name])}"
+    key = hashlib.sha256(determines.encode()).hexdigest()
+    return [cache_folder() / f"claims-{part}-{key[:16]}.nc" for part in ("layouts", "readings")]
+
+
+def load_inputs(study: Claims) -> list[xr.Dataset]:
+    """Return what the ledger needs besides the cubes of others, computed once."""
+    pairs = zip(input_files(study), (run_layouts, run_readings), strict=True)
+    return [storage.load_or_compute(path, partial(make, study)) for path, make in pairs]
+
+
+def run(study: Claims) -> xr.Dataset:
     """Return the ledger's cube; a figure set's cube that is missing or outdated is computed."""
+    own, other = load_inputs(study)
 
     @cache
     def open_named(name: str) -> xr.Dataset:
-        study = STUDIES[name]()
-        made = read_built(study)
-        cube = cube_of(study) if isinstance(made, str) else made
+        made = read_built(STUDIES[name]())
+        cube = cube_of(STUDIES[name]()) if isinstance(made, str) else made
         return cube.reset_coords()  # each coordinate costs as much as judging
 
-    judged = judge_claims(lambda study: open_named(study.name), read_own(own))
+    judged = judge_claims(lambda one: open_named(one.name), read_own(own))
     tested = compute_power(open_named, claims.read_claims())
     return as_cube(explain_differences(judged, other), other.merge(tested))
 

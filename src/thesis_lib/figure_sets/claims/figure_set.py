@@ -5,14 +5,16 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS
-from thesis_lib.figure_sets.figure_set import FigureSet, Inputs, Product
+from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies.fields import Seed, Shifts, refuse_value
 from thesis_lib.studies.request import Study
 
 
-class Ledger(Study):
-    """Parameters that all runs of the ledger share."""
+class Claims(Study):
+    """The ledger: every claim of the thesis beside what this book gets."""
 
+    name = "claims"
+    title = "The ledger: every claim of the thesis"
     subject = "claims"
     section = "all chapters"
     study = "claims"
@@ -23,21 +25,6 @@ class Ledger(Study):
         200, description="random shifts of the pixel grids in the ledger's own runs"
     )
     seed: Seed = Field(0, description="seed of the ledger's own runs")
-
-
-class OwnRuns(Ledger):
-    """Runs of layouts that the thesis only speaks of."""
-
-    name = "claims-layouts"
-    title = "Ledger: layouts that the thesis only speaks of"
-
-
-class OtherReadings(Ledger):
-    """All claims under other readings."""
-
-    name = "claims-readings"
-    title = "Ledger: other readings"
-
     readings: list[str] = Field(
         [name for name in READINGS if name != ADOPTED_READING],
         description="readings of what the thesis leaves open, to compare with the adopted one",
@@ -48,35 +35,6 @@ class OtherReadings(Ledger):
         if unknown := [name for name in self.readings if name not in READINGS]:
             refuse_value("readings", unknown[0], f"allowed: {', '.join(READINGS)}")
         return self
-
-
-class Claims(OtherReadings):
-    """The ledger: every claim of the thesis beside what this book gets."""
-
-    name = "claims"
-    title = "The ledger: every claim of the thesis"
-
-    @property
-    def own_runs(self) -> OwnRuns:
-        """The runs that its trends need."""
-        return OwnRuns(trials=self.trials, seed=self.seed)
-
-    @property
-    def other_readings(self) -> OtherReadings:
-        """The readings that it compares."""
-        return OtherReadings(trials=self.trials, seed=self.seed, readings=self.readings)
-
-
-LEDGER_ROOMS = ("figure_sets/parametric", "laboratory", "ledger", "measure")
-OWN_RUNS = Product(module=f"{__package__}.compute:run_layouts", rooms=LEDGER_ROOMS, kept=True)
-OTHER_READINGS = Product(
-    module=f"{__package__}.compute:run_readings", rooms=LEDGER_ROOMS, kept=True
-)
-
-
-def needs(asked: Claims) -> Inputs:
-    """Return the ledger's own runs and interpretations; it opens cubes of figure sets itself."""
-    return {"own": (OWN_RUNS, asked.own_runs), "other": (OTHER_READINGS, asked.other_readings)}
 
 
 def reads() -> list[Study]:
@@ -91,8 +49,7 @@ FIGURE_SETS = [
         request=Claims,
         chapter="",
         module=f"{__package__}.compute",
-        rooms=LEDGER_ROOMS,
-        needs=needs,
+        rooms=("figure_sets/parametric", "laboratory", "ledger", "measure"),
         reads=reads,
     )
 ]

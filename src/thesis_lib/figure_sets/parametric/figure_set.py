@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Self, cast
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, create_model, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.figure_set import FigureSet, Inputs
+from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, CameraStudy
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import PlateMarkers, SoundPlanes, validate_values
@@ -353,25 +353,11 @@ FIGURE_NUMBERS = {
 }
 
 
-def plate_input(asked: Any) -> Inputs:
-    """Return the input of sound: the plate's study with the same cameras."""
-    plate = camera_study(f"plate-{asked.study}", asked.plate_request)
-    return {"plate_cube": (CAMERA_SETS[plate.name], plate)}
-
-
-def aperture_inputs(asked: Any) -> Inputs:
-    """Return the inputs of the aperture's study: also pairs turned by a few degrees."""
-    from thesis_lib.figure_sets.parametric.sound import turn_pairs
-
-    return {**plate_input(asked), "turned": (CAMERA_SETS["sound-arrays"], turn_pairs(asked))}
-
-
 def camera_set(request: type[CameraStudy]) -> FigureSet:
     """Return the figure set of a camera study."""
     how: dict[str, Any] = {"module": f"{__package__}.compute", "kept": request.subject == "plate"}
     if request.subject == "sound":
-        needs = aperture_inputs if request.study == "aperture" else plate_input
-        how = {"module": f"{__package__}.sound", "needs": needs}
+        how = {"module": f"{__package__}.sound", "after": (f"plate-{request.study}",)}
     return FigureSet(
         request=request,
         chapter=CHAPTER_NAMES[request.subject],
@@ -381,7 +367,4 @@ def camera_set(request: type[CameraStudy]) -> FigureSet:
     )
 
 
-CAMERA_SETS = {
-    name: camera_set(request) for name, request in {**CAMERA_STUDIES, **SHAPE_STUDIES}.items()
-}
-FIGURE_SETS = [*CAMERA_SETS.values()]
+FIGURE_SETS = [*map(camera_set, (*CAMERA_STUDIES.values(), *SHAPE_STUDIES.values()))]

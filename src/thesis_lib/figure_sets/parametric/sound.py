@@ -30,6 +30,7 @@ from thesis_lib.acoustics.planes import (
 from thesis_lib.acoustics.radiation import Medium, enough_nodes, integrate_pressure
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import OPPOSITE_DEG
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.studies import schema, workers
@@ -88,18 +89,22 @@ class _Sound:
 
 
 def run(
-    study: CameraStudy,
-    plate_cube: xr.Dataset,
-    scheduler: str = "",
-    turned: xr.Dataset | None = None,
+    study: CameraStudy, plate_cube: xr.Dataset | None = None, scheduler: str = ""
 ) -> xr.Dataset:
     """Compute the cube of a sound study from that of the plate's same settings and trials.
 
     Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8, with
     the modulus of the complex difference), NaN where a plane is nodal, and of the larger of the
     two, NaN where both are; predicted errors; reference fields and those of the best and worst
-    settings. With the cube of `turned` pairs, also what the turn does.
+    settings. Without `plate_cube` it is that of the cache, and the study of the aperture also tells
+    what a turn of its pairs does.
     """
+    turned = None
+    if plate_cube is None:
+        own: dict[str, Any] = study.plate_request  # type: ignore[attr-defined]
+        plate_cube = cube_of(camera_study(f"plate-{study.study}", own), scheduler)
+        if study.study == "aperture":
+            turned = cube_of(turn_pairs(study), scheduler)
     plate = study.structure
     assert isinstance(plate, structure.Plate)
     planes: tuple[Plane, ...] = study.planes  # type: ignore[attr-defined]
