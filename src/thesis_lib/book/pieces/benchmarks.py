@@ -19,8 +19,6 @@ from thesis_lib.text import format_share
 Row = Mapping[str, Any]
 
 OWN_ROW, CERES_ROW = "thesis_lib, NumPy", "pycolmap, Ceres, points alone"
-PLANNED_POINTS = 10**9
-CHUNK_POINTS = 2**20  # that a worker holds at a time
 WORKER_COUNTS = (1, 2, 8, 32)
 NOT_YET = "Nothing was measured yet; `python -m benchmarks --publish` does.\n"
 
@@ -93,97 +91,38 @@ def compare_targets(run: Row) -> list[dict[str, Any]]:
     ]
 
 
-def estimate_limits(run: Row) -> list[dict[str, Any]]:
-    """Estimate the rates that arithmetic and traffic per point allow one core."""
-    limits = run["limits"]
-    return [
-        {
-            **row,
-            "by_arithmetic": 1e3 * limits["peak"] / row["flops"],
-            "by_memory": 1e3 * limits["bandwidth"] / row["bytes"],
-        }
-        for row in run["triangulation"]
-        if row["name"] == OWN_ROW
-    ]
-
-
-def compare_transfers(run: Row) -> list[dict[str, Any]]:
-    """Compare the rates of the transfer from pistons to points with the first."""
-    rows = run["rayleigh"]
-    first = rows[0]["rates"]
-    return [
-        {**row, "rate": median_rate(row), "ratio": median_ratio(row["rates"], first)}
-        for row in rows
-    ]
-
-
-def plan_points(run: Row) -> list[dict[str, Any]]:
-    """Plan time and memory of a thousand million refined points, at the measured rates."""
-    rows = []
-    for row in run["triangulation"]:
-        if row["refined"] and row["name"] == OWN_ROW:
-            seconds = PLANNED_POINTS / (1e6 * median_rate(row))
-            read_bytes = 1e9 * run["limits"]["bandwidth"] * seconds
-            values = {
-                "cameras": row["cameras"],
-                "images_gb": 16e-9 * row["cameras"] * PLANNED_POINTS,
-                "points_gb": 24e-9 * PLANNED_POINTS,
-                "chunk_mib": row["bytes"] * CHUNK_POINTS / 2**20,
-                "seconds": seconds,
-                "fed": read_bytes / (row["bytes"] * PLANNED_POINTS),
-            }
-            rows.append(values)
-    return rows
-
-
-def compare_trackers(run: Row) -> list[dict[str, Any]]:
-    """Compare trackers on the same frames with the library's."""
-    rows = run["tracking"]["rows"]
-    own = {row["film"]: row["milliseconds"] for row in rows if row["by"] == "thesis_lib"}
-    return [
-        {
-            **row,
-            "microseconds": 1e3 * statistics.median(row["milliseconds"]),
-            "ratio": median_ratio(row["milliseconds"], own[row["film"]]),
-        }
-        for row in rows
-    ]
-
-
-def compare_films(run: Row) -> list[tuple[float, dict[str, str]]]:
-    """Compare what films leave of a motion, by the pixels that it moves an image."""
-    rows = run["compression"]["rows"]
-    films = dict.fromkeys(row["film"] for row in rows)
-    by = {(row["motion_px"], row["film"]): format_share(row["error"]) for row in rows}
-    motions = sorted({row["motion_px"] for row in rows})
-    return [(px, {film: by[px, film] for film in films}) for px in motions]
-
-
-BENCHMARK_ROWS: dict[str, tuple[str, Callable[[Row], Sequence[Any]]]] = {
-    "machine": ("machine", lambda run: ()),
-    "targets": ("triangulation", compare_targets),
-    "comparison": ("triangulation", compare_contenders),
-    "needs": ("triangulation", estimate_limits),
-    "rayleigh": ("rayleigh", compare_transfers),
-    "plan": ("triangulation", plan_points),
-    "tracking": ("tracking", compare_trackers),
-    "compression": ("compression", compare_films),
+BENCHMARK_PARTS = {
+    "machine": "machine",
+    "rayleigh": "rayleigh",
+    "tracking": "tracking",
+    "compression": "compression",
+    **dict.fromkeys(("targets", "comparison", "needs", "plan"), "triangulation"),
 }
-"""By part of the page: the measurement that it needs, and what computes its rows."""
+"""By part of the page: the measurement that it needs."""
 
 
 def tabulate_benchmarks(part: str, run: Row | None = None) -> str:
     """Fill in a part of the page from a run, by default the published one."""
     run = read_benchmarks() if run is None else run
-    needs, rows_of = BENCHMARK_ROWS[part]
-    if needs not in run:
+    if BENCHMARK_PARTS[part] not in run:
         return NOT_YET
-    rows = rows_of(run)
-    return render(__file__, f"benchmarks-{part}", run=run, rows=rows, workers=WORKER_COUNTS)
+    compare = {"targets": compare_targets, "comparison": compare_contenders}.get(part)
+    return render(
+        __file__,
+        f"benchmarks-{part}",
+        run=run,
+        rows=compare(run) if compare else [],
+        own=OWN_ROW,
+        workers=WORKER_COUNTS,
+        median=statistics.median,
+        median_rate=median_rate,
+        median_ratio=median_ratio,
+        share=format_share,
+    )
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_ROWS
+    f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_PARTS
 }
 
 
