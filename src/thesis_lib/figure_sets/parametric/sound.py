@@ -10,7 +10,7 @@ where they are a reader's own layouts.
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -19,14 +19,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.acoustics import radiation
-from thesis_lib.acoustics.planes import (
-    MAX_NODAL_PRESSURE_RATIO,
-    Plane,
-    PlateSound,
-    full_factor,
-    plane_operator,
-    plate_pistons,
-)
+from thesis_lib.acoustics.planes import Plane, PlateSound, plate_pistons
 from thesis_lib.acoustics.radiation import Medium, enough_nodes, integrate_pressure
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import OPPOSITE_DEG
@@ -56,7 +49,7 @@ class _Sound:
     study: tuple[float, float, bool, float]  # focal length, sensor width in mm, rest known, noise
     omegas: list[float]
     points: Array  # (modes, 3, 2, markers): at rest and deflected
-    factors: list[list[Array]]
+    factors: Sequence[Sequence[Array]]
     modes: list[list[Array]]  # of radiation, the loudest of each plane
 
     def __call__(self, block: workers.Block) -> dict[str, Array]:
@@ -114,24 +107,23 @@ def run(
     settings, chosen = study.settings(), schema.extreme_settings(plate_cube)
     ends = np.array(list(chosen.values()))
     omegas = [structure.resonance_frequency(plate, mode) for mode in study.modes]
-    operators = [
-        [plane_operator(plate, plane, omega, medium) for plane in planes] for omega in omegas
+    sounds = [
+        PlateSound.from_shape(plate, planes, medium, omega, shape)
+        for omega, shape in zip(omegas, reference, strict=True)
     ]
-    factors = [[full_factor(op) for op in of_mode] for of_mode in operators]
+    factors = [one.factors for one in sounds]
     told = min(LISTED_RADIATION_MODES, *(len(F) for of_mode in factors for F in of_mode))
     modes = [[radiation.radiation_modes(F)[:told] for F in of_mode] for of_mode in factors]
     parts = plate_pistons(plate)
     velocities = 1j * np.array(omegas)[:, None] * reference
     moving = [(parts, v, omega, medium) for v, omega in zip(velocities, omegas, strict=True)]
     power = np.array([radiation.sound_power(*one) for one in moving])
-    of_modes = zip(operators, velocities, strict=True)
-    fields = np.array([[op.field(v) for op in of_mode] for of_mode, v in of_modes])
+    fields = np.array([one.fields(one.reference) for one in sounds])
     largest = np.abs(fields).max(axis=(2, 3))
     norms = np.array([[np.linalg.norm(F) for F in of_mode] for of_mode in factors])
     independent = np.array(omegas)[:, None] * norms
     amplitude = np.max(np.abs(reference), axis=1)[:, None]
-    expected = np.maximum(largest, independent * amplitude).max(axis=1, keepdims=True)
-    usable = np.where(largest > MAX_NODAL_PRESSURE_RATIO * expected, largest, np.nan)
+    usable = np.array([one.largest for one in sounds])
     greater = np.fmax.reduce(usable, axis=1, keepdims=True)  # NaN if both planes are nodal
     lines = ("setting",), ("mode",), ("trial",)
     kept = {str(name): one for name, one in plate_cube.coords.items() if one.dims in lines}
@@ -188,17 +180,15 @@ def run(
                 target[name][block.setting] = found[name]
     target["deflection_error"] = plate_cube["mean_error"].values
     for c, m, x in np.ndindex(ends.shape[:3]):  # case, mode, and the best or worst setting
-        literal = deflections[ends[c, m, x], m, 0].values.astype(float)
-        for p, op in enumerate(operators[m]):
-            pressure = op.field(1j * omegas[m] * literal)
-            target["pressure_measured_real"][c, m, x, p] = pressure.real
-            target["pressure_measured_imag"][c, m, x, p] = pressure.imag
+        pressure = sounds[m].fields(deflections[ends[c, m, x], m, 0].values)
+        target["pressure_measured_real"][c, m, x] = pressure.real
+        target["pressure_measured_imag"][c, m, x] = pressure.imag
     cube = cube.assign(schema.label_values(target, VARIABLES))
     cube["predicted_error"].attrs["long_name"] = study.law
     others = [name for name in cube.data_vars if name not in VARIABLES]
     checksum = deflection_checksum(plate_cube)
     cube = cube[[*VARIABLES, *others]].assign_attrs(deflections_sha256=checksum)
-    return cube if turned is None else cube.assign(compare_turns(study, plate_cube, turned))
+    return cube if turned is None else cube.assign(compare_turns(study, sounds, turned))
 
 
 MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
@@ -281,21 +271,19 @@ def turn_pairs(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:
     return camera_study("sound-arrays", common | own)
 
 
-def compare_turns(study: Any, plate_cube: xr.Dataset, turned: xr.Dataset) -> dict[str, Any]:
+def compare_turns(study: Any, sounds: Sequence[PlateSound], turned: xr.Dataset) -> dict[str, Any]:
     """Compute the variables that only ``sound-aperture`` has, from the cube of the turned pairs."""
     plate, elevations, known = study.structure, study.elevations_deg, study.rest == "known"
-    reference = plate_cube["reference_deflection"].values
     settings = turn_pairs(study, LAW_TURNS_DEG.tolist()).settings()
     law_errors = []  # of the field in %, by the law of rounding
-    for mode, shape in zip(study.modes, reference, strict=True):
-        omega = structure.resonance_frequency(plate, mode)
-        heard = PlateSound.from_shape(plate, study.planes, study.medium, omega, shape)
-        rest, bent = np.moveaxis(structure.world_points(plate, np.stack([0 * shape, shape])), 1, 0)
+    for heard in sounds:
+        bent = np.stack([0 * heard.reference, heard.reference])
+        rest, bent = np.moveaxis(structure.world_points(plate, bent), 1, 0)
         for setting in settings:
             P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
             C = rounding.deflection_covariance(P, rest, bent, known, study.noise_px)
             law_errors.append(heard.expected_plane_errors(C))
-    sizes = len(reference), len(LAW_TURNS_DEG), len(elevations), len(study.planes)
+    sizes = len(sounds), len(LAW_TURNS_DEG), len(elevations), len(study.planes)
 
     def by_turn(values: xr.DataArray) -> Any:
         return values.values.reshape(len(TURNS_DEG), len(elevations), *values.shape[1:])
