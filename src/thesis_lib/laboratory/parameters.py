@@ -20,7 +20,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting, assumed_values
 from thesis_lib.files import shipped
 from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study, distance_limit
+from thesis_lib.studies.request import Study
 from thesis_lib.vibration.motion import alias_clearance
 from thesis_lib.vibration.structure import Structure, peak_deflection, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
@@ -190,26 +190,6 @@ def check_exposure(film: Any, frame_rate_hz: float) -> None:
         film.refuse("exposure_ms", allowed)
 
 
-def check_beam_view(
-    film: Any, directions_deg: Sequence[Direction], name: str, distance_mm: float, where: str = ""
-) -> None:
-    """Refuse cameras within the reach of the thesis's beam, or that do not see all of it.
-
-    `name` is the field that puts the cameras at the distance; `where` names them.
-    """
-    extent, lift = setups.thesis_beam().extent, film.amplitude_mm / 1000
-    reach = 1000 * math.hypot(*extent) / 2 + film.amplitude_mm
-    if distance_mm <= reach:
-        fields.refuse_value(name, distance_mm, distance_limit(reach))
-    far = distance_mm / 1000
-    if max(view_extent(film, extent, lift, each, far) for each in directions_deg) > MAX_VIEW_EXTENT:
-        allowed = (
-            "allowed: so far, or with a focal length so short against the sensor, that all "
-            f"cameras see the whole beam{where}"
-        )
-        fields.refuse_value(name, distance_mm, allowed)
-
-
 def check_place(
     film: CameraParameters | RigRequest,
     extent: tuple[float, float],
@@ -294,7 +274,11 @@ class RigRequest(fields.Fields):
             most = f"0.4 of the frame rate, {0.4 * self.frame_rate_hz:.4g} Hz"
             self.refuse("frequency_hz", f"allowed: at most {most}")
         check_exposure(self, self.frame_rate_hz)
-        check_beam_view(self, list(self.directions_deg.values()), "distance_mm", self.distance_mm)
+        far, directions = self.distance_mm, tuple(self.directions_deg.values())
+        rig = Setting("", far, "", far, directions, (0, 0))
+        check_place(
+            self, setups.thesis_beam().extent, self.amplitude_mm / 1000, rig, "distance_mm", far
+        )
         return self
 
     @property
