@@ -16,7 +16,6 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from thesis_lib.acoustics import estimates, planes, radiation
 from thesis_lib.acoustics.surfaces import Surface
@@ -25,7 +24,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation
 from thesis_lib.laboratory import tracking
 from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, settle_rig
-from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify_modes
+from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes
 from thesis_lib.measure.radiation import of_measurement, radiated
 from thesis_lib.measure.recordings.board import Markers, on_surface, rows_on
 from thesis_lib.measure.recordings.validation import ChainError
@@ -269,7 +268,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
         decay = tracking.select_free_decay(rig, _project_tracks(rig, scatter))
-        found = identify_modes(*decay, asked)
+        found, _ = identify_modes(*decay, asked)
     except (ChainError, ModalError):
         sizes = {"ringing": len(hertz), "tap_time": len(times)}
         none = {
@@ -282,12 +281,12 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     markers = rig.markers.centres  # seen as points, not by their edges
     between = radiated.by_model(own.structure, markers, 0.0, surface.places)
     plane = planes.Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
-    data = _as_measured(found)
+    data = found.assign(grid_scale=1.0)  # cameras and grid have no errors
     shapes = of_measurement.shapes_of(data, np.ones(len(markers[0]), bool))
     rung = of_measurement.tones_of(data)
     made = radiated.radiate_sound(surface, between, rung, shapes, LISTENER_M, [plane], medium)
     powers = []  # of each mode of the true motion at that moment, W
-    shapes_then = rig.motion.amplitudes(surface.places, found.zero)
+    shapes_then = rig.motion.amplitudes(surface.places, float(found["zero"]))
     for w, shape in zip(np.abs(rig.motion.poles), shapes_then, strict=True):
         real = np.abs(shape) * np.sign((shape / shape[np.argmax(np.abs(shape))]).real)
         powers.append(float(surface.power_form(real[:, None], float(w), medium)[0, 0]))
@@ -320,18 +319,3 @@ def _project_tracks(rig: Rig, scatter: float) -> list[tracking.TrackedCentres]:
         noise = rig.generator(3, index, 0).standard_normal(uv.shape)
         found.append(tracking.TrackedCentres(times, uv + scatter * noise, uv))
     return found
-
-
-def _as_measured(found: Modes) -> xr.Dataset:
-    """Return the modes as the sound takes them, by cameras and a grid that are known."""
-    each = ("frequency", "damping", "damping_deviation", "scale_deviation")
-    of_markers = {
-        "amplitude_real": found.shape.real,
-        "amplitude_imag": found.shape.imag,
-        "error_of_scatter": found.deviation,
-    }
-    return xr.Dataset(
-        {name: ("mode", getattr(found, name)) for name in each}
-        | {name: (("mode", "marker"), value) for name, value in of_markers.items()}
-        | {"grid_scale": 1.0}
-    )

@@ -8,14 +8,14 @@ import numpy as np
 import xarray as xr
 from scipy.stats import chi2
 
-from thesis_lib.arrays import Array, ArrayLike, ComplexArray
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.modes import shapes as motions
-from thesis_lib.measure.modes.poles import Poles, Spectrum, TrackBlock
+from thesis_lib.measure.modes.poles import Poles, TrackBlock
 from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
@@ -28,6 +28,7 @@ FURTHER_MODES = 2  # further modes that are tried, to see which hold
 MIN_MARKERS = 3  # markers that tell a shape
 MAX_CHANCE = 0.95  # probability of cameras agreeing better by noise alone, if that were all
 OUTLIER_ROUNDS = 3  # times that outliers, and what is not linear, are taken away
+VARIABLES = read_variables(__file__, "modes")
 
 
 class ModalError(ValueError):
@@ -44,51 +45,24 @@ class Asked:
     given: tuple[float, ...] = ()  #: Frequencies near which they are sought, Hz
 
 
-@dataclass(frozen=True)
-class Modes:
-    """Modes in the order of their frequencies: a marker moves as Re Σ shape e^{λ (t − zero)}.
-
-    λ = 2πf (−ζ + j √(1 − ζ²)); all standard errors hold what cameras disagree by.
-    """
-
-    frequency: Array  #: Natural frequency f, Hz, shape (modes,)
-    frequency_deviation: Array  #: Its standard error, Hz
-    damping: Array  #: Damping ratio ζ, shape (modes,); 0 for steady tones
-    damping_deviation: Array  #: Its standard error
-    shape: ComplexArray  #: Deflection along the normal, m, shape (modes, markers)
-    #: Standard error of its real and of its imaginary part, m, shape (modes, markers); they are
-    #: independent of each other, and from marker to marker
-    deviation: Array
-    #: Standard error by which a whole shape is too large, and turned, relative, (modes,): beside
-    #: `deviation`, the same for all markers
-    scale_deviation: Array
-    excess: Array  #: Motion in the plane over what scatter explains, shape (modes,)
-    beside: Array  #: Power left near each mode over the noise, shape (modes,)
-    zero: float  #: Time at which the exponentials are one, s, on the first camera's clock
-    lag: Array  #: By how much each camera started later than was thought, s, shape (cameras,)
-    lag_deviation: Array  #: Its standard error, s
-    pace: Array  #: How much faster than the first camera's each clock runs, relative
-    turn: Array  #: Phases by which cameras lag at last, rad, shape (modes, cameras)
-    left_out: Array  #: Share of the centres that were no markers' own, shape (cameras,)
-    aliases: tuple[tuple[tuple[float, float], ...], ...]  #: Of each mode: other f, Hz, and rad
-    orders: tuple[Poles, ...]  #: Fits with one mode, two modes, …
-    before: Spectrum  #: Of all tracks
-    after: Spectrum  #: Of what the modes leave
-    noise: float  #: Usual scatter of a coordinate about the modes, px
-    fits: tuple[Fitted, ...]  #: What the shapes were triangulated from
-
-    @property
-    def poles(self) -> ComplexArray:
-        """Return λ of each mode, 1/s."""
-        turn = np.sqrt(1 - self.damping**2)
-        return np.asarray(2 * np.pi * self.frequency * (-self.damping + 1j * turn), complex)
-
-
-def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
-    """Return the frequencies, damping and shapes of the modes in the tracks of every camera.
+def identify_modes(
+    tracks: Sequence[Track], rest: Rest, asked: Asked
+) -> tuple[xr.Dataset, list[Fitted]]:
+    """Identify the modes in the tracks of every camera, in the order of their frequencies.
 
     The tracks last from the begin to the end of what is fitted: of steady tones, or of a free
-    decay.
+    decay. A marker moves as Re Σ a e^{λ (t − zero)}, with its complex deflection a in each mode
+    and λ = 2πf (−ζ + j √(1 − ζ²)).
+
+    Returns
+    -------
+    data : xarray.Dataset
+        Those of :data:`VARIABLES` that tracks and rest determine. Standard errors include the
+        disagreement of the cameras. ``error_of_scatter`` is independent from marker to marker, and
+        in either part. ``scale_deviation`` adds to it: a whole shape may be too large by that
+        share, and turned by as many radians.
+    fits : list of Fitted
+        The images of each mode, from which its shape was triangulated.
 
     Raises
     ------
@@ -144,30 +118,40 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     taken = np.array([own[0][0] for own in rivals])
     nearest = [int(np.argmin(np.abs(taken - f))) for f in poles.frequency[order]]
     found = [found[k] for k in order]
-    deviations = surely.deviations
-    return Modes(
-        frequency=poles.frequency[order],
-        frequency_deviation=deviations[0][order],
-        damping=poles.damping[order],
-        damping_deviation=deviations[1][order],
-        shape=np.array([one.amplitude for one in found]),
-        deviation=np.array([one.deviation for one in found]) * wider[order, None],
-        scale_deviation=_scale(blocks[0], surely)[order],
-        excess=np.array([one.excess for one in found]),
-        beside=most_left[order],
-        zero=zero,
-        lag=late,
-        lag_deviation=errors,
-        pace=1 / pace - 1,
-        turn=np.array([one.turn for one in found]),
-        left_out=1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in whole]) / seen,
-        aliases=tuple(tuple(rivals[k]) for k in nearest),
-        orders=tuple(orders),
-        before=fits.residual_spectrum(blocks, np.empty((0, 2)), asked.band),
-        after=after,
-        noise=float(np.nanmedian(np.concatenate(noise))),
-        fits=tuple(one.fit for one in found),
-    )
+    next_best = [[*rivals[k], (np.nan, np.nan)][1] for k in nearest]
+    frequency_deviation, damping_deviation = surely.deviations
+    amplitude = np.array([one.amplitude for one in found])
+    turned = np.array([one.turn for one in found])
+    before = fits.residual_spectrum(blocks, np.empty((0, 2)), asked.band)
+    largest = max(len(own.frequency) for own in orders)
+    values: dict[str, Any] = {
+        "amplitude_real": amplitude.real,
+        "amplitude_imag": amplitude.imag,
+        "error_of_scatter": np.array([one.deviation for one in found]) * wider[order, None],
+        "in_plane_excess": [one.excess for one in found],
+        "assurance": modal_assurance(amplitude),
+        "out_of_step": np.degrees(np.nanmax(np.abs(turned), axis=1)),
+        "rival": [hertz for hertz, _ in next_best],
+        "rival_out_of_step": np.degrees([phase for _, phase in next_best]),
+        "order_frequency": [_pad(own.frequency, own.frequency, largest) for own in orders],
+        "order_damping": [_pad(own.damping, own.frequency, largest) for own in orders],
+        "line": before.frequency,
+        "before": before.power,
+        "after": after.power,
+        "frequency": poles.frequency[order],
+        "frequency_deviation": frequency_deviation[order],
+        "damping": poles.damping[order],
+        "damping_deviation": damping_deviation[order],
+        "scale_deviation": _scale(blocks[0], surely)[order],
+        "beside": most_left[order],
+        "zero": zero,
+        "noise": np.nanmedian(np.concatenate(noise)),
+        "lag": late,
+        "lag_deviation": errors,
+        "pace": 1 / pace - 1,
+        "left_out": 1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in whole]) / seen,
+    }
+    return xr.Dataset(label_values(values, VARIABLES)), [one.fit for one in found]
 
 
 def modal_assurance(shapes_: ArrayLike) -> Array:
@@ -286,9 +270,6 @@ def _check_found(blocks: Sequence[TrackBlock], orders: Sequence[Poles], asked: A
     )
 
 
-VARIABLES = read_variables(__file__, "modes")
-
-
 def modes_result(
     manifest: Manifest,
     sound: xr.Dataset,
@@ -309,27 +290,20 @@ def modes_result(
     sought = manifest.excitation.modes
     band = sought.from_hz, sought.to_hz or 0.5 * min(own.rate for own in recordings)
     decays = manifest.excitation.behaviour.decays
-    found = identify_modes(seen, rest, Asked(band, sought.count, decays, sought.near_hz or ()))
-    turns = np.exp([[-1j * common_phase(own)] for own in found.shape])
-    shape = found.shape * turns
-    aliases = [list(own) + [(np.nan, np.nan)] for own in found.aliases]
-    most = max(len(own.frequency) for own in found.orders)
+    asked = Asked(band, sought.count, decays, sought.near_hz or ())
+    found, images = identify_modes(seen, rest, asked)
+    amplitude = found["amplitude_real"].values + 1j * found["amplitude_imag"].values
+    turns = np.exp([[-1j * common_phase(own)] for own in amplitude])
+    shape = amplitude * turns
     models = result.candidate_modes(manifest.structure)
+    compared = [result.compare_modes(own, models)[0] for own in shape.real]
     values: dict[str, Any] = {
         "x": rest.places[0],
         "y": rest.places[1],
         "rest_position": rest.frame.to_beam(rest.points),
-        "amplitude_real": found.shape.real,
-        "amplitude_imag": found.shape.imag,
-        "error_of_scatter": found.deviation,
         "deflection": shape.real,
         "quadrature": shape.imag,
-        "standard_error": np.hypot(found.deviation, frame_off * np.abs(shape)),
-        "in_plane_excess": found.excess,
-        "assurance": modal_assurance(found.shape),
-        "out_of_step": np.degrees(np.nanmax(np.abs(found.turn), axis=1)),
-        "rival": [own[1][0] for own in aliases],
-        "rival_out_of_step": np.degrees([own[1][1] for own in aliases]),
+        "standard_error": np.hypot(found["error_of_scatter"], frame_off * np.abs(shape)),
         "window": [begin, end],
         "frames": [len(track.times) for track in seen],
         "frame_rate": [own.rate for own in recordings],
@@ -339,32 +313,19 @@ def modes_result(
         "frame_rotation": rest.frame.R,
         "frame_origin": rest.frame.origin,
         "camera_centre": rest.frame.to_beam(np.array([o.camera.centre for o in recordings]).T).T,
-        "order_frequency": [_pad(own.frequency, own.frequency, most) for own in found.orders],
-        "order_damping": [_pad(own.damping, own.frequency, most) for own in found.orders],
-        "line": found.before.frequency,
-        "before": found.before.power,
-        "after": found.after.power,
-    } | {name: getattr(found, name) for name in COMMON_VARIABLES}
-    compared = [result.compare_modes(own, models)[0] for own in shape.real]
-    values |= {
         "mac": np.reshape([one["mac"] for one in compared], (len(shape), len(models))),
         "model_frequency": [model.frequency for model in models],
         "reference_deflection": [one["reference_deflection"] for one in compared],
     }
     coords = result.result_coordinates([own.camera for own in recordings], models)
-    data = xr.Dataset(label_values(values, VARIABLES), coords)
+    data = found.assign(label_values(values, VARIABLES)).assign_coords(coords)
+    data = data[[*VARIABLES]]  # in this order in files, too
     if covariance is None:
         return data
     still = np.zeros(len(recordings))  # of exposures, which the fits are free of
-    omegas = [float(pole.imag) for pole in found.poles]
-    rows = common_errors(found.fits, markers_of(manifest), omegas, still, covariance)
+    omegas = 2 * np.pi * found["frequency"].values * np.sqrt(1 - found["damping"].values ** 2)
+    rows = common_errors(images, markers_of(manifest), omegas.tolist(), still, covariance)
     return with_common_errors(data, rows, turns)
-
-
-COMMON_VARIABLES = (
-    "frequency", "frequency_deviation", "damping", "damping_deviation", "scale_deviation", "beside",
-    "zero", "noise", "lag", "lag_deviation", "pace", "left_out",
-)  # fmt: skip
 
 
 def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Rest:
