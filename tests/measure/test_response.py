@@ -141,8 +141,9 @@ def drawn(noise_of_force, noise_of_motion, seed, count=400):
 def test_standard_errors_of_every_estimator_are_what_draws_scatter_by(of_force, of_motion):
     """About what each tends to, which noise in force and motion moves."""
     draws = [drawn(of_force, of_motion, seed, 30) for seed in range(60)]
-    found = np.array([one.receptance[:, 0, 2:-2] for one in draws])
-    told = np.array([one.deviation[:, 0, 2:-2] for one in draws])
+    receptance = [one["receptance_real"] + 1j * one["receptance_imag"] for one in draws]
+    found = np.array(receptance)[:, :, 0, 2:-2]
+    told = np.array([one["standard_error"][:, 0, 2:-2] for one in draws])
     h1, h2 = 3 / (1 + of_force), 3 * (1 + of_motion)
     for k, limit in enumerate((h1, h2, np.sqrt(h1 * h2))):
         off = (found[:, k] - limit) / told[:, k]

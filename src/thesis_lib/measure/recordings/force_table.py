@@ -58,15 +58,6 @@ class ForceError(ValueError):
 
 
 @dataclass(frozen=True)
-class ForceTable:
-    """A force over time as a table has it."""
-
-    times: Array  #: s, shape (samples,)
-    newtons: Array  #: N, shape (samples,)
-    source: str  #: Which columns were taken, and in which units
-
-
-@dataclass(frozen=True)
 class _Form:
     """How numbers stand in lines."""
 
@@ -122,8 +113,14 @@ TABLE_FORMS = [_Form(s, d) for s in ("\t", ";", ",", "|", " ") for d in (".", ",
 QUOTED_FORM = _Form(",", ",")  # whose cells are in quotes
 
 
-def read_force_table(path: Path) -> ForceTable:
-    """Read times and forces; a table that cannot be read, or in two ways, is a ForceError."""
+def read_force_table(path: Path) -> tuple[Array, Array, str]:
+    """Read times in s, forces in N, and which columns in which units they are.
+
+    Raises
+    ------
+    ForceError
+        If the table cannot be read, or can be read in two ways.
+    """
     if path.stat().st_size > MAX_BYTES:
         raise ForceError(f"{path}: {path.stat().st_size} bytes, allowed: {MAX_BYTES} for a table")
     numbered = [
@@ -175,7 +172,7 @@ def read_force_table(path: Path) -> ForceTable:
         f"{kind} from column {k + 1}{_name_column(names, k)} in {units[k] or unit}"
         for kind, k, unit in (("time", time, "s"), ("force", force, "N"))
     ]
-    return ForceTable(times, newtons, ", ".join(told))
+    return times, newtons, ", ".join(told)
 
 
 def _text_of(path: Path) -> str:

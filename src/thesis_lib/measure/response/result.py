@@ -65,6 +65,11 @@ class Cut:
         like = float(np.sum(w[self.length // 2 :] * w[: self.length // 2]) / np.sum(w**2)) ** 2
         return self.count / (1 + 2 * (1 - 1 / self.count) * like)
 
+    @property
+    def frequency(self) -> Array:
+        """Return the frequencies of the spectral lines in Hz, shape (lines,)."""
+        return np.arange(self.length // 2 + 1) * self.rate / self.length
+
 
 def cut_of(samples: int, rate: float, seconds: float | None) -> Cut:
     """Return the segments of at most so many seconds; None takes the whole as one."""
@@ -89,28 +94,15 @@ def segment_spectra(values: Array, cut: Cut, finer: int = 1) -> ComplexArray:
     return np.asarray(one_sided * np.moveaxis(found[:lines], -1, 1), complex)
 
 
-@dataclass(frozen=True)
-class Response:
-    """Motion over force of every marker."""
-
-    frequency: Array  #: Hz, shape (lines,)
-    receptance: ComplexArray  #: By H1, H2, Hv, m/N, shape (3, markers, lines)
-    coherence: Array  #: Shape (markers, lines); one throughout where there is one segment
-    #: Standard error of real and of imaginary part, m/N, as `receptance`; it holds `blur`
-    deviation: Array
-    blur: Array  #: Size of the error by the segments' resolution, m/N, as `receptance`
-    force: Array  #: Power of the force, N²/Hz, shape (lines,)
-    averages: Array  #: Independent segments of each marker, shape (markers,)
-
-
 def receptance_of_segments(
     force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array
-) -> Response:
-    """Return the receptance from spectra of segments.
+) -> dict[str, Array]:
+    """Estimate receptance and mobility from spectra of segments, under names of :data:`VARIABLES`.
 
     Those of the force are (lines, segments) in N/√Hz; of the motion (lines, segments, markers) in
     m/√Hz, NaN in segments in which a marker is lost. `noise`, (markers,) or (lines, markers), is
-    the power of the noise in the motion in m²/Hz, from which one segment has its error.
+    the power of the noise in the motion in m²/Hz, from which one segment has its error. Of one
+    segment the coherence is one throughout.
     """
     known = np.isfinite(moved).all(axis=0)  # (segments, markers)
     X = np.where(known, moved, 0.0)
@@ -132,15 +124,19 @@ def receptance_of_segments(
         squares = np.abs(estimate_blur(first)) ** 2 - BLUR_BY_NOISE * scatter
         blur = np.sqrt(np.maximum(squares, 0))
     error = np.hypot(np.sqrt(scatter), blur)
-    return Response(
-        np.arange(len(force)) * cut.rate / cut.length,
-        whole.transpose(0, 2, 1),
-        coherence.T,
-        error.transpose(0, 2, 1),
-        blur.transpose(0, 2, 1),
-        np.mean(np.abs(force) ** 2, axis=1),
-        averages,
-    )
+    receptance = whole.transpose(0, 2, 1)
+    mobility = 2j * np.pi * cut.frequency * receptance
+    return {
+        "receptance_real": receptance.real,
+        "receptance_imag": receptance.imag,
+        "mobility_real": mobility.real,
+        "mobility_imag": mobility.imag,
+        "standard_error": error.transpose(0, 2, 1),
+        "blur": blur.transpose(0, 2, 1),
+        "coherence": coherence.T,
+        "force_power": np.mean(np.abs(force) ** 2, axis=1),
+        "averages": averages,
+    }
 
 
 def estimate_blur(receptance: ComplexArray) -> ComplexArray:
@@ -222,7 +218,7 @@ def estimate_response(
         noise = noise + uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest")
     unknown = np.isnan(checked).mean(axis=0)
     found = receptance_of_segments(spectra, segment_spectra(checked, cut), cut, noise)
-    if not found.averages.any():
+    if not found["averages"].any():
         raise ForceError(
             f"force.segment_s: in each of {cut.count} segments of {cut.length / rate:.3g} s every "
             f"marker is lost for a while, {unknown.mean():.0%} of the time; give shorter ones, or "
@@ -232,26 +228,15 @@ def estimate_response(
     apart = np.linalg.norm(rest.places - place[:, None], axis=0)
     parts = [np.nanstd(part) for part in np.array_split(moved, RECORDING_PARTS)]
     f, power = welch(pushed, finer * rate, nperseg=min(len(pushed), 4096))
-    omega = 2 * np.pi * found.frequency
-    mobility = 1j * omega * found.receptance
-    values: dict[str, Any] = {
-        "receptance_real": found.receptance.real,
-        "receptance_imag": found.receptance.imag,
-        "mobility_real": mobility.real,
-        "mobility_imag": mobility.imag,
-        "standard_error": found.deviation,
-        "blur": found.blur,
-        "coherence": found.coherence,
-        "force_power": found.force,
-        "phase_deviation": omega * force.clock.delay_deviation,
-        "averages": found.averages,
+    values: dict[str, Any] = found | {
+        "phase_deviation": 2 * np.pi * cut.frequency * force.clock.delay_deviation,
         "displacement": moved,
         "force": pushed,
         "x": rest.places[0],
         "y": rest.places[1],
         "rest_position": rest.frame.to_beam(rest.points),
         "force_place": place,
-        "drive": int(np.argmin(np.where(found.averages > 0, apart, np.inf))) + 1,
+        "drive": int(np.argmin(np.where(found["averages"] > 0, apart, np.inf))) + 1,
         "segment": cut.length / rate,
         "segments": cut.count,
         "delay": force.clock.delay,
@@ -271,13 +256,14 @@ def estimate_response(
     coords = {
         "camera": ("camera", [own.camera.name for own in recordings], {"long_name": "camera"}),
         "estimator": ("estimator", list(ESTIMATORS), {"long_name": "estimator"}),
-        "frequency": ("frequency", found.frequency, {"units": "Hz", "long_name": "frequency"}),
+        "frequency": ("frequency", cut.frequency, {"units": "Hz", "long_name": "frequency"}),
         "time": ("time", times, {"units": "s", "long_name": clock}),
         "force_time": ("force_time", fine, {"units": "s", "long_name": f"force's {clock}"}),
         "marker": ("marker", np.arange(1, len(apart) + 1), {"long_name": "number of the marker"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
     }
     data = xr.Dataset(label_values(values, VARIABLES), coords, {"force_source": force.source})
+    data = data[[*VARIABLES]]  # in this order in files, too
     return data.sel(frequency=slice(low, high))
 
 

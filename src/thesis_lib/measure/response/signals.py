@@ -121,8 +121,7 @@ def read_force(
     assert given is not None
     path = folder / given.file
     if given.is_table:
-        table = read_force_table(path)
-        own, newtons, source = table.times, table.newtons, table.source
+        own, newtons, source = read_force_table(path)
     else:
         fastest = max(camera.frame_rate_hz for camera in manifest.cameras)
         own, newtons = _sound(path, given, FORCE_RATE_RATIO * fastest)
