@@ -104,6 +104,8 @@ SILLY = [  # place, value, words of the refusal
     ("structure.markers.spacing_mm", 3, ["structure.markers", "do not overlap"]),
     ("structure.markers.hole_mm", [24, 31], ["structure.markers.hole_mm: given [24"]),
     ("structure.markers.points_mm", [[1, 2]], ["structure.markers.points_mm", "4 to 2000"]),
+    ("structure.markers.detector", "blob",
+     ['structure.markers.detector: given "blob", allowed: "disc"']),
     ("board", {"kind": "charuco", "mark_mm": 45}, ["board.mark_mm: given 45", "below tile_mm"]),
     ("board", {"kind": "charuco", "columns": 20, "rows": 20, "dictionary": "DICT_5X5_100"},
      ['board.dictionary: given "DICT_5X5_100"', "enough marks, here 200"]),

@@ -318,25 +318,6 @@ def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
     conforms.closed_form(corner_error(view, small), below=2)
 
 
-def test_a_detector_is_a_function_and_a_line(monkeypatch, rest):
-    class Still:
-        """Finds every marker where it is at rest."""
-
-        def __init__(self, view, turn, image):
-            self.view = view
-            self.moved = self.before = np.zeros((2, MARKERS.count))
-
-        def centres(self, image):
-            return self.view.to_image(MARKERS.centres)
-
-    monkeypatch.setitem(following.DETECTORS, "still", Still)
-    at, frame, _, _ = rest
-    own = replace(MARKERS, detector="still")
-    (detector,), _ = following.trackers_of(frame, at, own, None, 0.0)
-    (discs,), _ = following.trackers_of(frame, at, MARKERS, None, 0.0)
-    np.testing.assert_allclose(detector.centres(frame), discs.centres(frame), atol=0.05)
-
-
 def test_pictures_that_do_not_show_the_beam_are_refused(rest):
     at, image, _, _ = rest
     spot = np.zeros((1080, 1920), np.uint8)

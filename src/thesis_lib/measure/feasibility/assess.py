@@ -18,9 +18,8 @@ from thesis_lib.measure.feasibility import prediction
 from thesis_lib.measure.feasibility.prediction import CameraPrediction, PredictedView, RigPrediction
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS, format_message
-from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError
-from thesis_lib.measure.tracking.follow import DETECTORS
-from thesis_lib.text import format_share, one_line
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
+from thesis_lib.text import format_share
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.web.html import render_lines
 
@@ -93,12 +92,8 @@ class Assessment:
 def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
     """Return what the manifest's recordings can reach, what they cannot, and what is unknown.
 
-    No file is read. The standard errors assume a scatter of the centres of `noise_px` px. A
-    ManifestError says that there is no such detector of markers.
+    No file is read. The standard errors assume a scatter of the centres of `noise_px` px.
     """
-    if (detector := manifest.structure.markers.detector) not in DETECTORS:
-        given, allowed = one_line(detector), " or ".join(DETECTORS)
-        raise ManifestError(f"structure.markers.detector: given {given}, allowed: {allowed}")
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
     steady, slowest = prediction.steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN

@@ -173,7 +173,6 @@ class Markers:
     diameter: float  #: Diameter of markers and hole in m
     hole: tuple[float, float] | None = None  #: Centre of the hole in m
     bright: bool = False  #: Whether they are brighter than the structure
-    detector: str = "disc"  #: What finds them: a name in ``measure.tracking.follow.DETECTORS``
 
     @cached_property
     def positions(self) -> Array:
@@ -281,7 +280,7 @@ class MarkersSpec(Fields):
     tone: Literal["dark", "bright"] = Field(
         "dark", description="whether they are darker or brighter than the structure"
     )
-    detector: str = Field("disc", description="what finds them in a frame")
+    detector: Literal["disc"] = Field("disc", description="what finds them in a frame")
     hole_mm: Place | None = Field(
         default_factory=lambda data: (24.0, 10.0) if _thesis_layout(data) else None,
         description="a hole that looks like a marker, from the clamped corner",

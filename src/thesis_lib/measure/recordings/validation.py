@@ -29,7 +29,7 @@ def markers_of(manifest: Manifest) -> Markers:
     given, marks = manifest.structure, manifest.structure.markers
     hole = marks.hole_mm and (marks.hole_mm[0] / 1000, marks.hole_mm[1] / 1000)
     diameter, bright = marks.diameter_mm / 1000, marks.tone == "bright"
-    return Markers(given.extent, given.marker_points, diameter, hole, bright, marks.detector)
+    return Markers(given.extent, given.marker_points, diameter, hole, bright)
 
 
 def check_files(manifest: Manifest, folder: Path) -> list[Array]:

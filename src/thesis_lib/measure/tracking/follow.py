@@ -1,9 +1,5 @@
 """How a video's markers are followed: from its first frame on, in full or at several widths.
 
-A marker detector is a function from a camera's view, the vibration's angle from frame to frame and
-the first frame to a :class:`Detector`, and a line in :data:`DETECTORS`, by the name that
-``structure.markers.detector`` of a manifest gives.
-
 Discs are followed by the fit of :func:`~.tracker.refine_centres`, made linear. For each
 marker and for 8 × 8 places of its centre in a pixel, the grey levels around it are a sum of
 columns: ground, structure, dark disc, the disc's two derivatives, the structure's edge moved
@@ -12,9 +8,8 @@ centre turns out to lie in another cell. A frame in which a marker does not fit 
 before goes to the tracker that searches for all of them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -192,26 +187,6 @@ class Follower:
         return uv[:, :count]
 
 
-class Detector(Protocol):
-    """Finds the markers of one camera, frame after frame.
-
-    A measurement that was stopped goes on from `moved` and `before`, displacements in px in the
-    last frame and in the one before it.
-    """
-
-    moved: Array
-    before: Array
-
-    def centres(self, image: Image) -> Array:
-        """Return the markers' centres in px, (2, markers), NaN where missing; frames in order."""
-
-
-DETECTORS: dict[str, Callable[[homography.View, float, Image], Detector]] = {
-    "disc": lambda view, turn, image: Follower(Tracker(view, turn), image),
-}
-"""Marker detectors by name."""
-
-
 def trackers_of(
     image: Image,
     camera: Camera,
@@ -219,14 +194,14 @@ def trackers_of(
     corners_px: Sequence[tuple[float, float]] | None,
     turn: float,
     shares: Sequence[float] = (),
-) -> tuple[list[Detector], list[str]]:
+) -> tuple[Sequence[Follower | Tracker], list[str]]:
     """Return the trackers of a video's markers, from its first frame, in which markers are dark.
 
     The structure's corners in the image include the lens distortion, and are in the order of
     :func:`~.homography.view_of`. `turn` is the angle of the vibration from frame to frame in rad; 0
     if it is not known. There is a tracker for each of the `shares` of their width to which frames
     are reduced: at each the markers are looked for again, but the corners are those of the full
-    frames. Without any the detector of the markers follows them in the full frames.
+    frames. Without any a :class:`Follower` follows them in the full frames.
 
     Notes tell at which width the markers are not found as they should be, and why.
 
@@ -237,8 +212,8 @@ def trackers_of(
     """
     view, notes = first_view(image, camera, markers, corners_px), []
     if not shares:
-        return [DETECTORS[markers.detector](view, turn, image)], []
-    trackers: list[Detector] = []
+        return [Follower(Tracker(view, turn), image)], []
+    trackers: list[Tracker] = []
     for picture in pictures_of(image, shares):
         height, width = picture.shape
         scale = np.diag([width / camera.size[0], height / camera.size[1], 1.0])
