@@ -19,14 +19,13 @@ from scenes.measure import RESULTS, Page, Running, change_manifest, copied
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import record
-from thesis_lib.files import CACHE_TAG, RECORD_NAME, put_files
+from thesis_lib.files import CACHE_TAG, RECORD_NAME, STAGING_PREFIX, put_files
 from thesis_lib.laboratory.recording_files import EXAMPLE_AMPLITUDE_M, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.pipeline import OUTPUT_FILES
 from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
-from thesis_lib.measure.recordings.media_info import frame_times
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording
@@ -36,9 +35,15 @@ from thesis_lib.vision.simulation import assurance_criterion
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 
-NETCDF = ["calibration.nc", "cameras.nc", "sound.nc", "videos.nc"]
-WHOLE = [*(f".{name}.sha256" for name in NETCDF), CACHE_TAG, *NETCDF]
-STEPS = sorted(WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")])
+
+def with_digests(names):
+    return [*(f".{name}.sha256" for name in names), *names]
+
+
+WHOLE = [CACHE_TAG, *with_digests(["calibration.nc", "cameras.nc", "sound.nc", "videos.nc"])]
+TRACKS = [f"tracks-{k:02d}.nc" for k in range(3)]
+CENTRES = [f"tracks-{k:02d}.npy" for k in range(3)]
+STEPS = sorted([*WHOLE, *with_digests(TRACKS), *CENTRES])
 
 
 @pytest.fixture(scope="module")
@@ -254,7 +259,7 @@ def test_the_sound_is_told_if_it_is_asked_for(measured, tmp_path, conforms):
 def with_tracks_of(measured, patch):
     """Take the tracks of the whole measurement instead of tracking anew."""
 
-    def take(files, folder, clock, camera, markers, turn, path, key, tick, shares):
+    def take(files, folder, clock, camera, markers, turn, path, tick, shares):
         shutil.copy(measured / "measured" / ".steps" / path.name, path)
         return []
 
@@ -355,19 +360,20 @@ def test_damaged_and_edited_steps_are_done_again(measured, data, tmp_path):
     steps = folder / "measured" / ".steps"
     before, edited = stamps(folder / "measured"), steps / "tracks-01.npy"
     whole = edited.read_bytes()
-    for name in ("sound.nc", "tracks-02.npy"):
+    for name in ("sound.nc", "tracks-00.nc", "tracks-02.npy"):
         content = (steps / name).read_bytes()
         (steps / name).write_bytes(content[: len(content) // 2])
-    (steps / "tracks-00.json").write_text('{"key": ')
     edited.write_bytes(whole[:-8] + np.float64(1.0).tobytes())
     done = thesis("measure", folder / "manifest.yaml")
-    told = f"{steps / 'sound.nc'} is not what was stored there; it is computed again\n"
-    assert (done.status, done.err, done.warned) == (0, told, ())
+    told = [
+        f"{steps / name} is not what was stored there; it is computed again"
+        for name in ("sound.nc", *TRACKS)
+    ]
+    assert (done.status, sorted(done.err.splitlines()), done.warned) == (0, told, ())
     assert_same_results(results_of(folder / "measured"), data)
     after = stamps(folder / "measured")
     changed = {name for name in before if after[name] != before[name]}
-    tracks = {f"tracks-0{k}.{kind}" for k in range(3) for kind in ("npy", "json")}
-    assert changed == {"sound.nc", ".sound.nc.sha256", *tracks}
+    assert changed == {*with_digests(["sound.nc", *TRACKS]), *CENTRES}
     assert edited.read_bytes() == whole
 
 
@@ -386,15 +392,17 @@ def test_odd_names_of_cameras_are_shown_as_they_are(measured, tmp_path, monkeypa
 # Interruptions.
 
 
-def done_of(steps):
-    """Frames that every camera's tracks have kept."""
-    return {path.stem: json.loads(path.read_text())["done"] for path in steps.glob("tracks-*.json")}
+def tracked(steps):
+    """When each camera's tracks were stored, of those that are whole."""
+    marks = [steps / f".{name}.sha256" for name in TRACKS]
+    return {mark.name: mark.stat().st_mtime_ns for mark in marks if mark.exists()}
 
 
-def goes_on(steps):
-    """Whether more frames are kept than were at first: the command hears signals by then."""
-    first = sum(done_of(steps).values())
-    return lambda: sum(done_of(steps).values()) > first
+def under_way(steps):
+    """Whether a camera is tracked and another one begun: the command hears signals by then."""
+    begun = f"{STAGING_PREFIX}*/new/tracks-*.npy"
+    before = {*steps.glob(begun)}
+    return lambda: tracked(steps) and {*steps.glob(begun)} - before
 
 
 @pytest.mark.usefixtures("interrupts_ignored")
@@ -405,28 +413,28 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
     for name in WHOLE:  # the tracking is what takes time
         shutil.copy2(measured / "measured" / ".steps" / name, steps)
     before = stamps(out)
-    frames = len(frame_times(measured / "A.mkv"))
     command = ("measure", measured / "manifest.yaml", "--out", out)
 
     running = Running(*command)
-    running.wait_for(goes_on(steps))
+    running.wait_for(under_way(steps))
     killed, _ = running.end(signal.SIGKILL)
     assert killed.status == -signal.SIGKILL
-    kept = done_of(steps)
-    assert 0 < min(kept.values()) < frames
+    kept = tracked(steps)
+    assert 0 < len(kept) < 3
     running = Running(*command)
-    running.wait_for(goes_on(steps))
+    running.wait_for(under_way(steps))
     stopped, seconds = running.end(signal.SIGINT)
     assert stopped.status == 130
     assert stopped.err.endswith("interrupted; run the same command again to go on\n")
     assert seconds < 10
-    assert all(done_of(steps)[name] >= count for name, count in kept.items())
+    assert kept.items() <= tracked(steps).items()
     assert names(out) == [".steps"]
 
     running = Running(*command)
     done, _ = running.end()
     assert (done.status, done.err) == (0, "")
-    assert done_of(steps) == {f"tracks-{k:02d}": frames for k in range(3)}
+    assert names(steps) == STEPS
+    assert kept.items() <= tracked(steps).items()  # these are not tracked again
     assert {name: stamps(out)[name] for name in before} == before
     assert_same_results(results_of(out), data)
 

@@ -32,13 +32,13 @@ class Running:
 
     def wait_for(self, condition):
         """Wait until a condition holds while the command is still running."""
-        for _ in range(6000):
+        for _ in range(30_000):
             if condition():
                 return
             if self.process.poll() is not None:
                 pytest.fail(f"ended too early: {self.process.communicate()}")
             time.sleep(0.01)
-        pytest.fail("nothing came of it within a minute")
+        pytest.fail("nothing came of it within five minutes")
 
     def end(self, how=None):
         """Wait for the end, after a signal if there is one; also how long that took, in s."""

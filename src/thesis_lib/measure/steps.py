@@ -35,17 +35,27 @@ class StoppedError(RuntimeError):
 def _read_all(
     what: str, clocks: Sequence[Array], read: Callable[[int, Callable[[int], None]], _Result]
 ) -> list[_Result]:
-    """Read the frames of all videos, two at a time; `read` is told the camera, and tells frames."""
-    stop = threading.Event()
+    """Read the frames of all videos, two at a time.
+
+    `read` is called with a camera's index and with what it calls with the number of its frames that
+    are done.
+    """
+    stop, done = threading.Event(), [0] * len(clocks)
     total = sum(map(len, clocks))
     with tqdm(total=total, unit="frame", desc=what, disable=None, leave=False) as bar:
 
-        def tick(frames: int) -> None:
-            if stop.is_set():
-                raise StoppedError
-            bar.update(frames)
+        def read_camera(index: int) -> _Result:
+            def tick(frames: int) -> None:
+                if stop.is_set():
+                    raise StoppedError
+                bar.update(frames - done[index])
+                done[index] = frames
 
-        return workers.map_in_pairs(lambda index: read(index, tick), range(len(clocks)), stop.set)
+            found = read(index, tick)
+            tick(len(clocks[index]))  # of which an earlier run may have done all
+            return found
+
+        return workers.map_in_pairs(read_camera, range(len(clocks)), stop.set)
 
 
 def calibrate_rig(
@@ -175,10 +185,15 @@ def track_markers(
         path = steps / f"tracks-{index:02d}.npy"
         turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
         what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
+
+        def compute_tracks() -> xr.Dataset:
+            notes = record_track(
+                files, folder, clocks[index], cameras[index], markers, turn, path, tick, shares
+            )
+            return xr.Dataset(attrs={"notes": "\n".join(notes)})
+
         key = storage.key_of(what, [folder / files.video])
-        notes = record_track(
-            files, folder, clocks[index], cameras[index], markers, turn, path, key, tick, shares
-        )
+        found = storage.load_or_compute(path.with_suffix(".nc"), compute_tracks, key, [path])
         return Recording(
             cameras[index],
             files.frame_rate_hz,
@@ -186,7 +201,7 @@ def track_markers(
             files.exposure_s,
             files.readout_s,
             path,
-            notes,
+            found.attrs["notes"].splitlines(),
             clocks[index],
         )
 

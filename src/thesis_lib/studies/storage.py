@@ -14,7 +14,7 @@ import math
 import re
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -187,16 +187,20 @@ def _digest(path: Path) -> Path:
     return path.with_name(f".{path.name}.sha256")
 
 
-def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = "") -> xr.Dataset:
+def load_or_compute(
+    path: Path, compute: Callable[[], xr.Dataset], key: str = "", others: Sequence[Path] = ()
+) -> xr.Dataset:
     """Return what a file holds, if it has the key; else compute, write and read it.
 
     Its attribute `run_time_s` says how long it took. A file that is not what was stored there is
-    computed again, with a warning.
+    computed again, with a warning. So it is if one of the `others` is changed: files that `compute`
+    writes itself, as they are too large for the memory.
     """
+    stored = [path, *others]
     if path.exists():
         data: xr.Dataset | None = None
         with suppress(OSError, ValueError, CubeError):
-            if _digest(path).read_text(encoding="ascii").strip() == files.sha256(path):
+            if _digest(path).read_text(encoding="ascii").split() == [*map(files.sha256, stored)]:
                 data = open_netcdf(path)
         if data is None:
             aside(f"{path} is not what was stored there; it is computed again")
@@ -206,7 +210,8 @@ def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = ""
     cube = compute()
     cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
     write_netcdf(cube.assign_attrs({"key": key} if key else {}), path)
-    files.whole_text(_digest(path), f"{files.sha256(path)}\n")  # trusted from now on
+    digests = "".join(f"{files.sha256(one)}\n" for one in stored)
+    files.whole_text(_digest(path), digests)  # trusted from now on
     return open_netcdf(path)
 
 

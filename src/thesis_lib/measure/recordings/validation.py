@@ -233,8 +233,8 @@ def inspect_film(path: Path, clock: Array, tick: Callable[[int], object] = int) 
     """Decode all frames of a film, and return the numbers of those that repeat the one before.
 
     Of ``clock``, the times of the frames, only their number counts here. ``tick`` is called with
-    the number of frames done since the last call. A :class:`MediaError` is raised if a frame is
-    missing or cannot be decoded.
+    the number of frames that are done. A :class:`MediaError` is raised if a frame is missing or
+    cannot be decoded.
     """
     last: deque[Array] = deque(maxlen=4)
     steps, across = np.zeros((2, len(clock)))
@@ -244,7 +244,7 @@ def inspect_film(path: Path, clock: Array, tick: Callable[[int], object] = int) 
             steps[k] = np.mean(np.abs(last[-1] - last[-2]))
         if k >= 3:
             across[k - 1] = np.mean(np.abs(last[-1] - last[0]))
-        tick(1)
+        tick(k + 1)
     return find_repeats(steps, across)
 
 

@@ -1,35 +1,26 @@
 """Markers followed through a recording of any length, on disk as they are found.
 
-Centres go to a file that is read back in parts; beside it stands how far the tracker has come and
-what it knew there, so that a recording that was stopped in the middle goes on from there.
+Centres go to a file that is read back in parts: memory does not grow with their number.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-import math
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.files import whole_text
+from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.manifest import CameraFiles
-from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.tracking.follow import pictures_of, trackers_of
 from thesis_lib.measure.tracking.homography import TrackingError, as_dark
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.vision.pinhole import Camera, undistort_tracks
 
-FRAMES_PER_STATE = 100  # frames after which the state is written
 CHUNK_FRAMES = 512  # frames that are read back at once
 
 
@@ -92,16 +83,14 @@ def record_track(
     markers: Markers,
     turn: float,
     path: Path,
-    key: str,
     tick: Callable[[int], object],
     shares: Sequence[float] = (),
 ) -> list[str]:
-    """Follow the markers through a camera's video into a file, from where an earlier run stopped.
+    """Follow the markers through a camera's video into a file, whole or not at all.
 
     The video is in the manifest's folder; `clock` (frames,) are the times of its frames after the
-    first, s. Centres go to `path` (``.npy``), and `key` is that of all that they depend on: what a
-    run with another key has left is not used. `tick` is called with the number of frames done since
-    the last call.
+    first, s. Centres go to `path` (``.npy``). `tick` is called with the number of frames that are
+    done.
 
     `turn` and `shares`, and the notes returned, are those of :func:`~.follow.trackers_of`. With
     shares the file holds (frames, 2 shares, 2, markers): the centres at each width, then those by
@@ -114,15 +103,7 @@ def record_track(
     TrackingError
         If the structure or its markers are not found in the first frame.
     """
-    video, count = folder / files.video, len(clock)
-    note = path.with_suffix(".json")
-    shape = (*([2 * len(shares)] if shares else []), 2, markers.count)
-    frame = 8 * math.prod(shape)  # bytes
-    state = _state(note, path, key, count, frame)
-    done = state["done"] if state else 0
-    tick(done)
-    if done == count:
-        return list(state["notes"]) if state else []
+    video = folder / files.video
     first = as_dark(next(media.read_frames(video, 0, 1)), markers)
     try:
         trackers, notes = trackers_of(first, camera, markers, files.corners_px, turn, shares)
@@ -134,39 +115,22 @@ def record_track(
                 "corners in the page that thesis measure --check writes, and give corners_px"
             )
         raise TrackingError(f"{video}: frame 0: {error}; {advice}") from None
-    if state:
-        for tracker, moved, before in zip(trackers, state["moved"], state["before"], strict=True):
-            tracker.moved, tracker.before = np.array(moved), np.array(before)
-    else:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        note.unlink(missing_ok=True)
-        np.lib.format.open_memmap(path, "w+", np.float64, shape=(count, *shape))
-    written = _digest(path, (count - done) * frame)
-    with path.open("r+b") as file:  # not mapped: a full disk would kill the process
-        file.seek((done - count) * frame, os.SEEK_END)
-        for image in islice(media.read_frames(video, done, clock=clock), count - done):
-            pictures = pictures_of(as_dark(image, markers), shares)
-            found = [own.centres(picture) for own, picture in zip(trackers, pictures, strict=True)]
-            found += [tracker.matched for tracker in trackers if isinstance(tracker, Tracker)]
-            centres = np.array(found).tobytes()
-            file.write(centres)
-            written.update(centres)
-            done += 1
-            tick(1)
-            if done % FRAMES_PER_STATE == 0 or done == count:
-                file.flush()
-                os.fsync(file.fileno())
-                so_far = {
-                    "key": key,
-                    "done": done,
-                    "notes": notes,
-                    "moved": [tracker.moved.tolist() for tracker in trackers],
-                    "before": [tracker.before.tolist() for tracker in trackers],
-                    "digest": written.hexdigest(),
-                }
-                whole_text(note, json.dumps(so_far))
-    if done < count:
-        raise MediaError(f"{video}: ends before frame {done}, the file lists {count}")
+    shape = (len(clock), *([2 * len(shares)] if shares else []), 2, markers.count)
+
+    def write_centres(part: Path) -> None:
+        header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+        with part.open("wb") as file:  # not mapped: a full disk would kill the process
+            np.lib.format.write_array_header_1_0(file, header)
+            frames = media.read_frames(video, stop=len(clock), clock=clock)
+            for done, image in enumerate(frames, 1):
+                pictures = pictures_of(as_dark(image, markers), shares)
+                pairs = zip(trackers, pictures, strict=True)
+                found = [tracker.centres(picture) for tracker, picture in pairs]
+                found += [tracker.matched for tracker in trackers if isinstance(tracker, Tracker)]
+                file.write(np.array(found, "<f8").tobytes())
+                tick(done)
+
+    whole_file(path, write_centres)
     return notes
 
 
@@ -176,26 +140,3 @@ def share_lost(recording: Recording) -> Array:
     for start in range(0, count, CHUNK_FRAMES):
         missing += np.isnan(recording.centres[start : start + CHUNK_FRAMES, 0]).sum(axis=0)
     return missing / count
-
-
-def _state(note: Path, path: Path, key: str, count: int, frame: int) -> dict[str, Any] | None:
-    """Return the state of an earlier run, if it is of the same key and undamaged."""
-    try:
-        state = json.loads(note.read_text(encoding="utf-8"))
-        fits = state["key"] == key and len(np.load(path, mmap_mode="r")) == count
-        if not (fits and 0 < state["done"] <= count):
-            return None
-        left = (count - state["done"]) * frame
-        return state if _digest(path, left).hexdigest() == state["digest"] else None
-    except (OSError, EOFError, ValueError, KeyError, TypeError):
-        return None
-
-
-def _digest(path: Path, left: int) -> Any:
-    """Return SHA-256 of a file but for its last bytes, to be continued by what is written there."""
-    digest, size = hashlib.sha256(), path.stat().st_size - left
-    with path.open("rb") as file:
-        while piece := file.read(min(size, 1 << 20)):
-            digest.update(piece)
-            size -= len(piece)
-    return digest
