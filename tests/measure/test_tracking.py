@@ -38,7 +38,7 @@ def followed(video, at, markers, shares=(), corners=None):
     )  # fmt: skip
     clock, out = frame_clock(video), video.with_name(f"{len(shares)}.npy")
     folder = video.parent
-    notes = record_track(files, folder, clock, at, markers, 0.0, out, lambda _: None, shares)
+    notes, _ = record_track(files, folder, clock, at, markers, 0.0, out, lambda _: None, shares)
     return np.load(out), notes
 
 

@@ -51,6 +51,14 @@ class Recorded:
     calibration: xr.Dataset  #: The cameras
     recordings: Sequence[Recording]  #: Their tracks
 
+    @property
+    def repeats(self) -> list[str]:
+        """Return a sentence for each camera some of whose frames repeat the one before."""
+        lines = [
+            validation.describe_repeats(one.camera.name, one.repeats) for one in self.recordings
+        ]
+        return [line for line in lines if line]
+
 
 def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Recorded:
     """Check, listen, calibrate and track; each step is kept in the folder `steps`.
@@ -67,13 +75,15 @@ def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Re
     filmed = manifest.model_copy(update={"cameras": filmed_cameras})
     # The sound comes first: it may refuse more of the manifest.
     sound = measuring.read_sound(filmed, folder, steps, say)
-    reading, repeats = measuring.inspect_videos(manifest, folder, steps, clocks)
-    for line in [*reading, *(f"Frames repeat: {line}" for line in repeats)]:
-        say(line)
-    sound.attrs["repeats"] = "\n".join(repeats)
+    for camera in manifest.cameras:
+        for line in media_info.describe_reading(folder / camera.video):
+            say(line)
     calibration = _calibrate(manifest, folder, steps, given, say)
     recordings = measuring.track_markers(filmed, folder, steps, calibration, sound, clocks)
-    return Recorded(sound, calibration, recordings)
+    found = Recorded(sound, calibration, recordings)
+    for line in found.repeats:
+        say(f"Frames repeat: {line}")
+    return found
 
 
 def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
@@ -119,7 +129,7 @@ def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, s
         "parameters": manifest.model_dump_json(),
         "notes": of.calibration.attrs["notes"],
         "synchronisation": of.sound.attrs["synchronisation"],
-        "repeats": of.sound.attrs.get("repeats", ""),
+        "repeats": "\n".join(of.repeats),
     }
 
 

@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import xarray as xr
@@ -14,8 +13,7 @@ from thesis_lib.files import mark_cache
 from thesis_lib.measure.calibration.bundle_adjustment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjust_cameras, cameras_in, single_threaded_opencv
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, shot_paths
-from thesis_lib.measure.recordings.media_info import describe_reading
-from thesis_lib.measure.recordings.validation import describe_repeats, inspect_film, markers_of
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.studies import schema, storage, workers
@@ -25,37 +23,8 @@ CALIBRATION_VARIABLES = schema.read_variables(__file__, "calibration")
 SOUND_VARIABLES = schema.read_variables(__file__, "synchronisation")
 
 
-_Result = TypeVar("_Result")
-
-
 class StoppedError(RuntimeError):
     """What tells the thread of one camera that another has failed, or the user wants to stop."""
-
-
-def _read_all(
-    what: str, clocks: Sequence[Array], read: Callable[[int, Callable[[int], None]], _Result]
-) -> list[_Result]:
-    """Read the frames of all videos, two at a time.
-
-    `read` is called with a camera's index and with what it calls with the number of its frames that
-    are done.
-    """
-    stop, done = threading.Event(), [0] * len(clocks)
-    total = sum(map(len, clocks))
-    with tqdm(total=total, unit="frame", desc=what, disable=None, leave=False) as bar:
-
-        def read_camera(index: int) -> _Result:
-            def tick(frames: int) -> None:
-                if stop.is_set():
-                    raise StoppedError
-                bar.update(frames - done[index])
-                done[index] = frames
-
-            found = read(index, tick)
-            tick(len(clocks[index]))  # of which an earlier run may have done all
-            return found
-
-        return workers.map_in_pairs(read_camera, range(len(clocks)), stop.set)
 
 
 def calibrate_rig(
@@ -95,32 +64,6 @@ def calibrate_rig(
     return storage.load_or_compute(
         steps / "calibration.nc", compute_calibration, storage.key_of(what, shots)
     )
-
-
-def inspect_videos(
-    manifest: Manifest, folder: Path, steps: Path, clocks: Sequence[Array]
-) -> tuple[list[str], list[str]]:
-    """Decode all videos once, two at a time, before anything is computed from them.
-
-    Returned are sentences on how videos are read, where that is not plain, and sentences on cameras
-    with frames that repeat the one before. A MediaError says that a frame is missing or cannot be
-    decoded.
-    """
-    videos = [folder / camera.video for camera in manifest.cameras]
-    names = [camera.name for camera in manifest.cameras]
-
-    def inspect_camera(index: int, tick: Callable[[int], None]) -> str:
-        return describe_repeats(names[index], inspect_film(videos[index], clocks[index], tick))
-
-    def compute_reading() -> xr.Dataset:
-        repeats = [line for line in _read_all("reading", clocks, inspect_camera) if line]
-        reading = [line for video in videos for line in describe_reading(video)]
-        return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
-
-    data = storage.load_or_compute(
-        steps / "videos.nc", compute_reading, storage.key_of(names, videos)
-    )
-    return data.attrs["reading"].splitlines(), data.attrs["repeats"].splitlines()
 
 
 def read_sound(
@@ -179,21 +122,30 @@ def track_markers(
     frequency = float(np.nan_to_num(sound["frequency"]))
     seen = {"length_mm", "width_mm", "markers"}
     visible = manifest.structure.model_dump(mode="json", include=seen)
+    stop = threading.Event()
 
-    def track_camera(index: int, tick: Callable[[int], None]) -> Recording:
-        files = manifest.cameras[index]
+    def track_camera(index: int) -> Recording:
+        files, done = manifest.cameras[index], 0
         path = steps / f"tracks-{index:02d}.npy"
         turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
         what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
 
+        def tick(frames: int) -> None:
+            nonlocal done
+            if stop.is_set():
+                raise StoppedError
+            bar.update(frames - done)
+            done = frames
+
         def compute_tracks() -> xr.Dataset:
-            notes = record_track(
+            notes, repeats = record_track(
                 files, folder, clocks[index], cameras[index], markers, turn, path, tick, shares
             )
-            return xr.Dataset(attrs={"notes": "\n".join(notes)})
+            return xr.Dataset({"repeats": ("repeat", repeats)}, attrs={"notes": "\n".join(notes)})
 
         key = storage.key_of(what, [folder / files.video])
         found = storage.load_or_compute(path.with_suffix(".nc"), compute_tracks, key, [path])
+        tick(len(clocks[index]))  # if an earlier run has tracked them
         return Recording(
             cameras[index],
             files.frame_rate_hz,
@@ -203,7 +155,12 @@ def track_markers(
             path,
             found.attrs["notes"].splitlines(),
             clocks[index],
+            repeats=found["repeats"].values,
         )
 
-    with single_threaded_opencv():
-        return _read_all("tracking", clocks, track_camera)
+    total = sum(map(len, clocks))
+    with (
+        single_threaded_opencv(),
+        tqdm(total=total, unit="frame", desc="tracking", disable=None, leave=False) as bar,
+    ):
+        return workers.map_in_pairs(track_camera, range(len(clocks)), stop.set)

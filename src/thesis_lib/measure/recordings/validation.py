@@ -1,13 +1,13 @@
-"""Recordings that are checked before anything is measured: against the manifest, frame by frame."""
+"""Recordings checked against the manifest before anything is measured, and frames that repeat."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from thesis_lib.arrays import Array, ArrayLike, IntArray
+from thesis_lib.arrays import Array, ArrayLike, Image, IntArray
 from thesis_lib.measure.recordings import audio, force_table, media, media_info
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
@@ -229,23 +229,16 @@ MIN_SHARE, MIN_REPEATS = 0.03, 4  # repeats from which on they are reported
 MIN_REGULAR_SHARE = 0.8  # of the distances between repeats that are alike, of regular ones
 
 
-def inspect_film(path: Path, clock: Array, tick: Callable[[int], object] = int) -> IntArray:
-    """Decode all frames of a film, and return the numbers of those that repeat the one before.
-
-    Of ``clock``, the times of the frames, only their number counts here. ``tick`` is called with
-    the number of frames that are done. A :class:`MediaError` is raised if a frame is missing or
-    cannot be decoded.
-    """
+def note_changes(frames: Iterable[Image], steps: Array, across: Array) -> Iterator[Image]:
+    """Yield frames, and fill in what :func:`find_repeats` compares, both of shape (frames,)."""
     last: deque[Array] = deque(maxlen=4)
-    steps, across = np.zeros((2, len(clock)))
-    for k, image in enumerate(media.read_frames(path, stop=len(clock), clock=clock)):
+    for k, image in enumerate(frames):
         last.append(image[::SAMPLING_PX, ::SAMPLING_PX].astype(float))
         if k >= 1:
             steps[k] = np.mean(np.abs(last[-1] - last[-2]))
         if k >= 3:
             across[k - 1] = np.mean(np.abs(last[-1] - last[0]))
-        tick(k + 1)
-    return find_repeats(steps, across)
+        yield image
 
 
 def find_repeats(steps: ArrayLike, across: ArrayLike) -> IntArray:

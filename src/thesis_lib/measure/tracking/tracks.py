@@ -6,16 +6,17 @@ Centres go to a file that is read back in parts: memory does not grow with their
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.manifest import CameraFiles
+from thesis_lib.measure.recordings.validation import find_repeats, note_changes
 from thesis_lib.measure.tracking.follow import pictures_of, trackers_of
 from thesis_lib.measure.tracking.homography import TrackingError, as_dark
 from thesis_lib.measure.tracking.tracker import Tracker
@@ -39,6 +40,8 @@ class Recording:
     notes: Sequence[str] = ()  #: What went wrong on the way
     stamps: Array | None = None  #: Times of the frames by the camera's own clock, s; None: k / rate
     pace: float = 1.0  #: Seconds of the reference's clock for one of its own
+    #: Numbers of the frames that repeat the one before
+    repeats: IntArray = field(default_factory=lambda: np.zeros(0, int))
 
     @property
     def times(self) -> Array:
@@ -85,16 +88,23 @@ def record_track(
     path: Path,
     tick: Callable[[int], object],
     shares: Sequence[float] = (),
-) -> list[str]:
+) -> tuple[list[str], IntArray]:
     """Follow the markers through a camera's video into a file, whole or not at all.
 
     The video is in the manifest's folder; `clock` (frames,) are the times of its frames after the
     first, s. Centres go to `path` (``.npy``). `tick` is called with the number of frames that are
     done.
 
-    `turn` and `shares`, and the notes returned, are those of :func:`~.follow.trackers_of`. With
-    shares the file holds (frames, 2 shares, 2, markers): the centres at each width, then those by
-    the template match alone, where Appendix F stops.
+    `turn` and `shares` are those of :func:`~.follow.trackers_of`. With shares the file holds
+    (frames, 2 shares, 2, markers): the centres at each width, then those by the template match
+    alone, where Appendix F stops.
+
+    Returns
+    -------
+    notes : list of str
+        Those of :func:`~.follow.trackers_of`.
+    repeats : ndarray
+        Numbers of the frames that repeat the one before.
 
     Raises
     ------
@@ -116,13 +126,14 @@ def record_track(
             )
         raise TrackingError(f"{video}: frame 0: {error}; {advice}") from None
     shape = (len(clock), *([2 * len(shares)] if shares else []), 2, markers.count)
+    steps, across = np.zeros((2, len(clock)))
 
     def write_centres(part: Path) -> None:
         header = {"descr": "<f8", "fortran_order": False, "shape": shape}
         with part.open("wb") as file:  # not mapped: a full disk would kill the process
             np.lib.format.write_array_header_1_0(file, header)
             frames = media.read_frames(video, stop=len(clock), clock=clock)
-            for done, image in enumerate(frames, 1):
+            for done, image in enumerate(note_changes(frames, steps, across), 1):
                 pictures = pictures_of(as_dark(image, markers), shares)
                 pairs = zip(trackers, pictures, strict=True)
                 found = [tracker.centres(picture) for tracker, picture in pairs]
@@ -131,7 +142,7 @@ def record_track(
                 tick(done)
 
     whole_file(path, write_centres)
-    return notes
+    return notes, find_repeats(steps, across)
 
 
 def share_lost(recording: Recording) -> Array:
