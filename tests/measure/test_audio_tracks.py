@@ -72,7 +72,27 @@ def test_the_encoder_s_priming_is_no_gap(conforms, tmp_path, ending, codec, cont
     conforms.closed_form(place_of_click(path), 0.5, atol=atol)
 
 
+def test_samples_that_are_no_numbers_are_damage(tmp_path):
+    sound = LONG[:LOW].copy()
+    sound[4321] = np.nan
+    path = write_film(tmp_path / "a.mkv", [sound], LOW, frames=2, codec="pcm_f32le")
+    with pytest.raises(MediaError, match=r"a\.mkv: damaged audio after 0\.\d+ s"):
+        read_audio(path)
+
+
 # Tracks and channels.
+
+
+def test_a_sound_is_clipped_if_all_its_channels_are(tmp_path):
+    waves = np.sin(np.arange(LOW) / 50 + np.array([[0.0], [np.pi / 2]]))
+    for gains, least in (((2, 2), 0.6), ((2, 0.5), 0.0), ((0.5, 0.5), 0.0)):
+        both = np.clip(np.array(gains)[:, None] * waves, -1, 1)
+        path = write_film(tmp_path / "a.mkv", [both], LOW, frames=2, codec="pcm_s16le",
+                          layout="stereo")  # fmt: skip
+        with open_audio(path) as sound:
+            assert (sound.samples, sound.source) == (LOW, "")
+            assert least * LOW <= sound.clipped <= (least + 0.1) * LOW
+
 
 SOUND, NONE = click(1.0, 0.4), np.zeros(48000)
 

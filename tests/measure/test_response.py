@@ -311,7 +311,7 @@ def manifest_for(folder, **force):
 
 @pytest.mark.parametrize(
     ("gain", "told"),
-    [(0, r"channel 1 is silent .* allowed"),
+    [(0, r"silent, allowed: a force that changes"),
      (40, r"channel 1 is clipped \(\d+ samples .* gain down")],
 )  # fmt: skip
 def test_a_sound_that_is_no_force_is_refused_in_one_line(tmp_path, gain, told):
@@ -340,8 +340,17 @@ def test_forces_and_films_that_do_not_fit_are_refused(brief):
 def test_a_force_is_checked_before_anything_is_calibrated(tmp_path):
     (tmp_path / "force.csv").write_text("i,force\n" + "".join(f"{k},1\n" for k in range(200)))
     manifest = manifest_for(tmp_path, file="force.csv", full_scale_n=None)
-    (line,) = [one for one in check_recordings(manifest, tmp_path) if one.startswith("force.file")]
-    assert "no column is clearly the time, of columns 1 (i), 2 (force)" in line
+    assert "no column is clearly the time, of columns 1 (i), 2 (force)" in force_line(
+        manifest, tmp_path
+    )
+    write_wav(tmp_path / "force.wav", 5e-5 * random_force(6, 0.05))
+    assert "silent audio (rms" in force_line(manifest_for(tmp_path), tmp_path)
+
+
+def force_line(manifest, folder):
+    """What is said of the force before anything is measured."""
+    (line,) = [one for one in check_recordings(manifest, folder) if one.startswith("force.file")]
+    return line
 
 
 def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path):

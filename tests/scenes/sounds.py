@@ -11,7 +11,7 @@ import av
 import numpy as np
 from av.stream import Disposition
 
-from thesis_lib.measure.recordings.audio import AudioTrack
+from thesis_lib.measure.recordings.audio import FULL_SCALE, AudioTrack
 from thesis_lib.measure.synchronisation.audio import AudioSource
 from thesis_lib.measure.synchronisation.listen import load_audio, synchronise_cameras
 
@@ -29,7 +29,11 @@ class HeldSound(AudioSource):
 
     def opened(self):
         block = np.asarray(self.samples, float)
-        return nullcontext(AudioTrack(self.rate, self.start, iter([block]), self.rate))
+        full = np.count_nonzero(np.abs(block) >= FULL_SCALE)
+        track = AudioTrack(
+            self.rate, self.start, iter([block]), self.rate, len(block), block.std(), full
+        )
+        return nullcontext(track)
 
 
 def synchronise_sounds(signals, rate, frame_rate, frequency=None, starts=None):

@@ -28,6 +28,7 @@ PACE_PARTS = 16  # of a track whose mean time stamps tell the standard error of 
 PACE_SIGMAS = 5.0  # standard errors from which on a pace counts
 MAX_FAINT_RATIO = 0.1  # of the loudest channel's or track's rms, 20 dB below it: holds no sound
 MAX_SILENT_RMS = 1e-4  # rms below which there is no signal: three steps of 16 bits
+FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
 MAX_CANCELLED_RATIO = 0.5  # of the rms that unlike channels have when they are mixed: these cancel
 #: Samples by which MP3 comes late where the file says no delay: the usual 576 of the encoder, and
 #: 529 of the decoder
@@ -44,10 +45,21 @@ class AudioTrack:
     #: (samples,)
     blocks: Iterator[Array]
     stated_rate: int  #: Samples per second that the file states
+    samples: int  #: Number of samples
+    level: float  #: Root mean square of the samples less their mean, of full scale
+    clipped: int  #: Number of samples at full scale, in the channel that has the fewest
     #: Which track and channels these are, if not all of the first one, and the pace of the time
     #: stamps, if it is another than the file states; empty otherwise
     source: str = ""
-    level: float = 1.0  #: Root mean square of the samples less their mean, of full scale
+
+    @property
+    def silence(self) -> str:
+        """Return what to say of a sound without a signal, empty of another."""
+        if self.level >= MAX_SILENT_RMS:
+            return ""
+        return (
+            f"silent audio (rms {self.level:.1e} of full scale), allowed: at least {MAX_SILENT_RMS}"
+        )
 
 
 @dataclass
@@ -61,16 +73,20 @@ class _Survey:
     #: Sums over the samples of the channels, and of their products, for their covariance
     sums: Any = 0.0
     products: Any = 0.0
+    clipped: Any = 0  #: Samples at full scale of each channel
     unit: float = 0.0  #: Of the time stamps, s
     damaged: float | None = None  #: When it can no longer be decoded, s
 
     def add(self, frame: av.AudioFrame, block: Array) -> None:
         """Take one more frame, whose samples are `block`, shape (channels, samples)."""
+        if not np.isfinite(block).all():
+            raise ValueError("samples that are no numbers")
         self.rate, self.channels = frame.sample_rate, len(block)
         self.times.append(np.nan if frame.time is None else frame.time)
         self.counts.append(frame.samples)
         self.sums += block.sum(axis=1)
         self.products += block @ block.T
+        self.clipped += np.count_nonzero(np.abs(block) >= FULL_SCALE, axis=1)
 
     @property
     def seconds(self) -> float:
@@ -128,8 +144,10 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
             start=start - picture - late,
             blocks=_mix_blocks(path, file.decode(track), chosen, slice(first, last)),
             stated_rate=rate,
-            source="; ".join(filter(None, [words, stamps if own != rate else ""])),
+            samples=sum(survey.counts[first:last]),
             level=float(np.sqrt(max(part.mean(), 0.0))),
+            clipped=int(min(survey.clipped[chosen])),
+            source="; ".join(filter(None, [words, stamps if own != rate else ""])),
         )
 
 

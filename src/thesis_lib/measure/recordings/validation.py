@@ -135,14 +135,10 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     return rates + lines + _check_force(manifest, folder)
 
 
-def _check_sound(path: Path, channel: int | None = None) -> Iterator[str]:
-    """Say what a sound lacks; a gap or damage is raised."""
+def _check_sound(path: Path, channel: int | None = None) -> list[str]:
+    """Return what a sound lacks; a gap or damage is raised."""
     with audio.open_audio(path, channel) as sound:
-        if sound.level < audio.MAX_SILENT_RMS:
-            yield (
-                f"silent audio (rms {sound.level:.1e} of full scale), allowed: at least "
-                f"{audio.MAX_SILENT_RMS}"
-            )
+        return [sound.silence] if sound.silence else []
 
 
 def _check_force(manifest: Manifest, folder: Path) -> list[str]:
@@ -154,7 +150,7 @@ def _check_force(manifest: Manifest, folder: Path) -> list[str]:
         if given.is_table:
             force_table.read_force_table(path)
             return []
-        lines = [*_check_sound(path, given.channel)]
+        lines = _check_sound(path, given.channel)
         if given.sound_channel is not None and given.offset_s is None:
             lines += _check_sound(path, given.sound_channel)
     except (MediaError, force_table.ForceError, OSError) as error:

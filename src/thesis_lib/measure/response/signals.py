@@ -19,7 +19,7 @@ windows, and a line through these how much faster a clock runs.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,7 +31,6 @@ from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
-from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Force, Sweep
@@ -135,30 +134,16 @@ def read_force(
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     """Read times in s and forces in N of a sound file, at the lowest rate above one in Hz."""
     assert given.full_scale_n is not None
-    peak, full = 0.0, 0
-
-    def noted(blocks: Iterator[Array]) -> Iterator[Array]:
-        nonlocal peak, full
-        for block in blocks:
-            peak = max(peak, float(np.abs(block).max(initial=0.0)))
-            full += int(np.count_nonzero(np.abs(block) >= audio.FULL_SCALE))
-            yield block
-
     with AudioSource("the force", path, given.channel).opened() as file:
+        if file.clipped >= MIN_CLIPPED_SAMPLES:
+            raise ForceError(
+                f"{path}: channel {given.channel} is clipped ({file.clipped} samples at full "
+                "scale), allowed: none; turn its gain down"
+            )
         step = audio.step_to(file.rate, wanted)
         rate = file.rate / step
-        values = np.concatenate([np.empty(0), *audio.decimate_blocks(noted(file.blocks), step)])
+        values = np.concatenate([np.empty(0), *audio.decimate_blocks(file.blocks, step)])
         start = file.start + audio.cut_off(file.rate, rate)
-    if peak < MAX_SILENT_RMS:
-        raise ForceError(
-            f"{path}: channel {given.channel} is silent (at most {peak:.1e} of full scale), "
-            f"allowed: at least {MAX_SILENT_RMS}"
-        )
-    if full >= MIN_CLIPPED_SAMPLES:
-        raise ForceError(
-            f"{path}: channel {given.channel} is clipped ({full} samples at full scale), "
-            "allowed: none; turn its gain down"
-        )
     return start + np.arange(len(values)) / rate, values * given.full_scale_n
 
 

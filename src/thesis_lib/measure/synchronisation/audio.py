@@ -1,4 +1,4 @@
-"""Sounds of any length, read block by block and checked, of which a bounded part is held at a time.
+"""Sounds of any length, read block by block, of which a bounded part is held at a time.
 
 They are compared at lower sample rates, to which they are reduced block by block, too.
 """
@@ -14,12 +14,11 @@ from scipy.signal import firwin
 from scipy.special import i0
 
 from thesis_lib.arrays import Array, ArrayLike, NDArray, Signal
-from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, AudioTrack, open_audio
+from thesis_lib.measure.recordings.audio import AudioTrack, open_audio
 
 Track = NDArray[np.float32]
 
 SPAN_SAMPLES = 1 << 21  # samples of each camera that are held at a time
-FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
 MAX_CLIPPED_SHARE = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
 TAP_PHASES = 512  # of a sample at which the resampler's taps are tabulated: -105 dB between them
 FILTER_REACH_SAMPLES = 10  # samples that the low-pass reaches to either side
@@ -45,42 +44,25 @@ class AudioSource:
         return open_audio(self.path, self.channel)
 
 
-def check_blocks(
-    blocks: Iterable[ArrayLike], rate: float, shortest: float, name: str
-) -> Iterator[Array]:
-    """Yield the blocks (samples,) of a recording in −1…1; refuse at its end one that is unusable.
-
-    Its sample rate is in Hz, and the length that it must have in s.
+def check_sound(sound: AudioTrack, shortest: float, name: str) -> None:
+    """Refuse a sound that is shorter than a length in s, silent or clipped, by its name.
 
     Raises
     ------
     SynchronisationError
-        With its name, if it is too short, clipped or silent.
+        In one line.
     """
-    count, mean, squares, clipped = 0, 0.0, 0.0, 0
-    for block in blocks:
-        x = np.asarray(block, float)
-        if x.ndim != 1 or not np.isfinite(x).all():
-            raise SynchronisationError(f"{name}: audio of shape {x.shape}, allowed: finite, mono")
-        if len(x):
-            off, n = float(x.mean()) - mean, count + len(x)
-            squares += float(np.var(x)) * len(x) + off**2 * count * len(x) / n
-            count, mean = n, mean + off * len(x) / n
-            clipped += int(np.count_nonzero(np.abs(x) >= FULL_SCALE))
-        yield x
-    if not count or count < shortest * rate:
+    if not sound.samples or sound.samples < shortest * sound.rate:
         raise SynchronisationError(
-            f"{name}: {count / rate:.3f} s of audio, allowed: at least {shortest:.3f} s"
+            f"{name}: {sound.samples / sound.rate:.3f} s of audio, allowed: at least "
+            f"{shortest:.3f} s"
         )
-    level = float(np.sqrt(squares / count))
-    if level < MAX_SILENT_RMS:
+    if sound.silence:
+        raise SynchronisationError(f"{name}: {sound.silence}")
+    if sound.clipped > MAX_CLIPPED_SHARE * sound.samples:
+        percent = 100 * sound.clipped / sound.samples
         raise SynchronisationError(
-            f"{name}: silent audio (rms {level:.1e} of full scale), allowed: at least "
-            f"{MAX_SILENT_RMS}"
-        )
-    if clipped > MAX_CLIPPED_SHARE * count:
-        raise SynchronisationError(
-            f"{name}: clipped audio ({100 * clipped / count:.1f} % of the samples at full scale), "
+            f"{name}: clipped audio ({percent:.1f} % of the samples at full scale), "
             f"allowed: at most {100 * MAX_CLIPPED_SHARE:g} %"
         )
 

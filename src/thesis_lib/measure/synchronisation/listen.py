@@ -18,7 +18,7 @@ few kHz: memory does not grow with the length. What follows from that for long r
   by window, as ``thesis sync`` does.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -87,21 +87,18 @@ def load_audio(
     read = []
     for recording in recordings:
         with recording.opened() as file:
-            lengths: list[int] = []
-            noted = _note_lengths(file.blocks, lengths)
-            blocks = audio.check_blocks(noted, file.rate, shortest, recording.name)
-            if frequency is None:
-                blocks = (block[:0] for block in blocks)
-            else:
+            blocks: Iterable[Array] = ()
+            if frequency is not None:
                 if not 0 < tones.MIN_SAMPLES_PER_PERIOD * frequency <= file.rate:
                     raise audio.SynchronisationError(
                         f"excitation.frequency_hz: given {frequency:g}, allowed: at most "
                         f"{file.rate / tones.MIN_SAMPLES_PER_PERIOD:g} Hz, "
                         f"{tones.MIN_SAMPLES_PER_PERIOD} samples of the sound per period"
                     )
-                blocks = audio.decimate_blocks(low.reduce(blocks, file.rate), step)
+                blocks = audio.decimate_blocks(low.reduce(file.blocks, file.rate), step)
+            audio.check_sound(file, shortest, recording.name)
             tone, before = audio.hold_signal(blocks, round(skip * low.rate / step))
-            end = file.start + sum(lengths) / file.rate
+            end = file.start + file.samples / file.rate
             read.append((file.start, end, tone, before, file.source))
     starts, ends, held, skipped, sources = zip(*read, strict=True)
     later, tone_rate = max(skipped), low.rate / step
@@ -114,13 +111,6 @@ def load_audio(
         tone_start=low.cut + audio.cut_off(low.rate, tone_rate) + later / tone_rate,
         sources=sources,
     )
-
-
-def _note_lengths(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array]:
-    """Yield the blocks, and note their lengths."""
-    for block in blocks:
-        lengths.append(len(block))
-        yield block
 
 
 def match_recordings(
@@ -362,8 +352,8 @@ def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: 
         with recording.opened() as file:
             step = audio.step_to(file.rate, wanted)
             rate = file.rate / step
-            blocks = audio.check_blocks(file.blocks, file.rate, MIN_AUDIO_S, recording.name)
-            blocks = audio.decimate_blocks(blocks, step)
+            audio.check_sound(file, MIN_AUDIO_S, recording.name)
+            blocks = audio.decimate_blocks(file.blocks, step)
             track, before = audio.hold_signal(blocks, round(skip * rate))
             start = file.start + audio.cut_off(file.rate, rate) + before / rate
         part = steady and (steady[0] - start, steady[1] - start)
