@@ -96,7 +96,7 @@ def test_each_picture_may_show_other_corners(conforms):
     np.testing.assert_array_equal(np.isnan(result.residuals), np.isnan(cut))
     conforms.sampled(result.sigma, SIGMA, rtol=0.03)  # 7 100 coordinates: 4 σ
     _, centres, turns = bundle.align_cameras(result.cameras, rig())
-    deviations = bundle.camera_deviations(result)
+    deviations = bundle.camera_deviations(result, result.covariance)
     conforms.sampled(np.abs(centres / deviations[0]).max(), below=4.5)
     conforms.sampled(np.abs(turns / deviations[1]).max(), below=4.5)
     shots = [list(row) for row in cut]
@@ -116,7 +116,7 @@ def test_opencvs_adjustment_of_several_cameras_agrees(conforms):
         None, None, None, None, np.full(4, cv2.CALIB_FIX_K3, np.int32),
     )  # fmt: skip
     conforms.independent(rms / np.sqrt(2), ours.rms, rtol=0.02)
-    deviations, _ = bundle.camera_deviations(ours)
+    deviations, _ = bundle.camera_deviations(ours, ours.covariance)
     turns = [cv2.Rodrigues(np.asarray(R))[0] for R in Rs]
     theirs = np.array([-R.T @ np.ravel(t) for R, t in zip(turns, ts, strict=True)])
     centres = np.array([c.centre for c in ours.cameras])

@@ -19,13 +19,16 @@ from thesis_lib.facts import setups
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
 from thesis_lib.measure.exchange import cameras as written
-from thesis_lib.measure.exchange.cameras import read_cameras, reuse_calibration
+from thesis_lib.measure.exchange.cameras import (
+    describe_reused,
+    read_cameras,
+    reuse_calibration,
+    to_keep,
+)
 from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.report.warnings import check_shape
-from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import storage
-from thesis_lib.studies.schema import label_values
 from thesis_lib.vibration.motion import Component
 
 CAMERAS = rig()
@@ -180,13 +183,8 @@ def test_errors_go_with_their_cameras(tmp_path):
     """Two of the four, in another order."""
     whole = [replace(one, name=name) for one, name in zip(CAMERAS, "ABCD", strict=True)]
     draw = np.random.default_rng(0).standard_normal((56, 80))
-    names = {"camera": [one.name for one in whole]}
-    fields = ("K", "distortion", "size", "R_camera_world", "centre")
-    values = {name: [getattr(one, name) for one in whole] for name in fields}
-    table = {n: CALIBRATION_VARIABLES[n] for n in values}
-    data = xr.Dataset(label_values(values, table), names)
-    known = uncertainty.read_deviations(data, draw @ draw.T)
-    storage.write_netcdf(uncertainty.to_keep(known), tmp_path / "calibration.nc")
+    known = describe_reused(whole, draw @ draw.T)
+    storage.write_netcdf(to_keep(known), tmp_path / "calibration.nc")
     assert_same(read_cameras(tmp_path), whole)
     files = [{"name": name, "video": f"{name}.mkv", "exposure_s": 0.001} for name in "CA"]
     given = {"cameras": files, "calibration": "calibration.nc"}

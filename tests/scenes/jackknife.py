@@ -28,7 +28,8 @@ def deviations_of(adjustment):
     lenses = adjustment.deviations.ravel()
     if len(adjustment.cameras) == 1:
         return lenses
-    return np.concatenate([lenses, *(each.ravel() for each in camera_deviations(adjustment))])
+    places = camera_deviations(adjustment, adjustment.covariance)
+    return np.concatenate([lenses, *(each.ravel() for each in places)])
 
 
 def of_covariance(adjustment):

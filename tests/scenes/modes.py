@@ -8,8 +8,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.calibration import uncertainty
-from thesis_lib.measure.exchange.cameras import Found, as_calibrated
+from thesis_lib.measure.exchange.cameras import describe_reused
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.board import on_surface
@@ -114,5 +113,4 @@ def recorded(folder, own, truth, seconds=3, rates=RATES, noise=0.02):
 
 def calibration_of(recordings):
     """These cameras as a calibration that does not tell how exact it is."""
-    found = Found([own.camera for own in recordings], placed=True)
-    return uncertainty.read_deviations(as_calibrated(found), found.covariance)
+    return describe_reused([own.camera for own in recordings], None)

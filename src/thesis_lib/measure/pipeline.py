@@ -13,7 +13,7 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.files import check_cache, check_outputs, put_files, staging
 from thesis_lib.measure import steps as measuring
-from thesis_lib.measure.calibration import bundle_adjustment, uncertainty
+from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
 from thesis_lib.measure.exchange import cameras, files, history
 from thesis_lib.measure.feasibility.assess import assess_manifest, describe_assessment
 from thesis_lib.measure.fitting import frequency, result
@@ -36,9 +36,8 @@ OUTPUT_FILES = (
 )  # fmt: skip
 _SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
 _NEVER_S = 1e6  # after all recordings
-SHOT_VARIABLES = schema.read_variables(__file__, "shots")
 UNSTORED_VARIABLES = {
-    "single_focal", "R_camera_world", "centre", "covariance",
+    "single_focal", "R_camera_world", "centre", "covariance", "adjusted_centre_deviation",
     "frequency", "of_sound", "of_sound_deviation",
 }  # fmt: skip
 
@@ -95,7 +94,7 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        covariance = uncertainty.covariance_of(of.calibration)
+        covariance = cameras.covariance_of(of.calibration)
         data = result.shape_result(manifest, sound, of.recordings, covariance)
         still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
         seen = np.isfinite(data["rest_position"].values).all(axis=0)
@@ -106,16 +105,10 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
                 "one line, which does not tell how the structure is turned about it: move a "
                 "camera, or add markers beside the line"
             )
-        of_cameras = measuring.CALIBRATION_VARIABLES | uncertainty.VARIABLES
-        kept = {
-            name: (of.calibration if name in of_cameras else sound)[name].values
-            for name in (*of_cameras, *measuring.SOUND_VARIABLES)
-            if name not in UNSTORED_VARIABLES
-        }
-        kept["shots_used"] = np.isfinite(kept["corners"]).any(axis=(2, 3)).sum(axis=1)
-        table = of_cameras | measuring.SOUND_VARIABLES | SHOT_VARIABLES
-        stored = xr.Dataset(schema.label_values(kept, table), {"camera": of.calibration["camera"]})
-        data = schema.with_origin(data.merge(stored), _SOURCE_TEXT)
+        for found in (of.calibration, sound):
+            stored = found.drop_vars(UNSTORED_VARIABLES, errors="ignore").drop_encoding()
+            data = data.merge(stored)
+        data = schema.with_origin(data, _SOURCE_TEXT)
         data.attrs.update(_describe_inputs(manifest, of, "Deflection"))
         moved = history.time_histories(data, frequency.in_step(data, of.recordings), still)
         return data, schema.with_origin(moved, data.attrs["source"])
@@ -137,16 +130,13 @@ def _calibrate(
     manifest: Manifest, folder: Path, steps: Path, given: cameras.Found | None, say: Say
 ) -> xr.Dataset:
     """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
-    board = manifest.board.board
     if given is None or manifest.calibration is None:
-        placed = measuring.calibrate_rig(manifest, folder, steps, say)
-        return uncertainty.jackknife_calibration(placed, board, steps)
+        return measuring.calibrate_rig(manifest, folder, steps, say)
     if manifest.calibration.poses == "kept":
-        return uncertainty.read_deviations(cameras.as_calibrated(given), given.covariance)
-    n = bundle_adjustment.LENS_UNKNOWNS * len(given.cameras)
+        return cameras.describe_reused(given.cameras, given.covariance)
+    n = LENS_UNKNOWNS * len(given.cameras)
     held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
-    placed = measuring.calibrate_rig(manifest, folder, steps, say, given.cameras)
-    return uncertainty.jackknife_calibration(placed, board, steps, held)
+    return measuring.calibrate_rig(manifest, folder, steps, say, given.cameras, held)
 
 
 def measure_recordings(path: Path, out: Path, say: Say = print) -> build.Report:
@@ -205,7 +195,7 @@ def measure_shape(
     report = build.build_shape(data, seen, manifest, firsts, sound)
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "measured.nc")
-        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / cameras.OWN_FILE)
+        storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("shape", data, moved, inputs.recordings))
         animation.write_shape(part / "shape", data)
@@ -249,7 +239,7 @@ def measure_modes(
 ) -> build.Report:
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
-    recordings, covariance = inputs.recordings, uncertainty.covariance_of(inputs.calibration)
+    recordings, covariance = inputs.recordings, cameras.covariance_of(inputs.calibration)
     fitted = modes_result(manifest, inputs.sound, recordings, covariance)
     data = schema.with_origin(fitted, _SOURCE_TEXT)
     data.attrs.update(_describe_inputs(manifest, inputs, manifest.excitation.behaviour.title))
@@ -267,7 +257,7 @@ def measure_modes(
     report = build.build_modes(data, manifest, response, sound)
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "modes.nc")
-        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / cameras.OWN_FILE)
+        storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_modes(data), part / "modes.csv")
         text_files.write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("modes", data, moved, recordings))

@@ -10,8 +10,9 @@ from tqdm import tqdm
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import mark_cache
-from thesis_lib.measure.calibration.bundle_adjustment import camera_deviations
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, camera_deviations
 from thesis_lib.measure.calibration.rig import adjust_cameras, cameras_in, single_threaded_opencv
+from thesis_lib.measure.calibration.uncertainty import jackknife_rig
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, shot_paths
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays
@@ -33,8 +34,13 @@ def calibrate_rig(
     steps: Path,
     say: Callable[[str], object] = str,
     lenses: Sequence[Camera] = (),
+    lens_covariance: Array | None = None,
 ) -> xr.Dataset:
-    """Calibrate the cameras together from all board images; with `lenses` their positions."""
+    """Calibrate the cameras together from all board images; with `lenses` their positions.
+
+    Deviations and covariance are those of
+    :func:`thesis_lib.measure.calibration.uncertainty.jackknife_rig`.
+    """
     rows = [shot_paths(camera, folder) for camera in manifest.cameras]
     shots = [shot for row in rows for shot in row if shot]
     what = [manifest.board.model_dump(mode="json")] + [
@@ -42,20 +48,27 @@ def calibrate_rig(
         for c, row in zip(manifest.cameras, rows, strict=True)
     ]
     what += [[lens.K.tolist(), lens.distortion.tolist()] for lens in lenses]
+    what += [[] if lens_covariance is None else lens_covariance.tolist()]
 
     def compute_calibration() -> xr.Dataset:
         say(f"calibrating from {len(shots)} images of the board")
         with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
             corners, lost, single, full = adjust_cameras(manifest, folder, bar.update, lenses)
+        jackknifed = jackknife_rig(corners, manifest.board.board, full, lens_covariance)
+        used = np.isfinite(corners).any(axis=(2, 3))
         poses = ("K", "distortion", "R_camera_world", "centre", "size")
         values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
             "reprojection_rms": full.rms,
             "single_rms": [c.rms for c in single],
             "single_focal": [c.K[[0, 1], [0, 1]] for c in single],
-            "focal_deviation": full.deviations[:, 0],
-            "centre_deviation": np.linalg.norm(camera_deviations(full)[0], axis=1),
+            "adjusted_centre_deviation": _centre_deviations(full),
+            "focal_deviation": jackknifed.deviations[:, 0],
+            "centre_deviation": _centre_deviations(jackknifed),
+            "covariance": jackknifed.covariance,
             "corners": corners,
             "residuals": full.residuals,
+            "board_poses": used.any(axis=0).sum(),
+            "shots_used": used.sum(axis=1),
         }
         variables = schema.label_values(values, CALIBRATION_VARIABLES)
         names = {"camera": [c.name for c in manifest.cameras]}
@@ -64,6 +77,11 @@ def calibrate_rig(
     return storage.load_or_compute(
         steps / "calibration.nc", compute_calibration, storage.key_of(what, shots)
     )
+
+
+def _centre_deviations(adjustment: Adjustment) -> Array:
+    """Return the standard deviation of each camera's centre of projection, m."""
+    return np.linalg.norm(camera_deviations(adjustment, adjustment.covariance)[0], axis=1)
 
 
 def read_sound(

@@ -415,30 +415,32 @@ def align_cameras(
     return found, centres, Rotation.from_matrix(turns).as_rotvec()
 
 
-def camera_deviations(adjustment: Adjustment) -> tuple[Array, Array]:
+def camera_deviations(network: Network, covariance: Array) -> tuple[Array, Array]:
     """Compute standard deviations of the cameras' poses with respect to the cameras themselves.
 
     Of such a free network deviations compare with errors after :func:`align_cameras`.
 
     Parameters
     ----------
-    adjustment : Adjustment
-        A bundle adjustment.
+    network : Network
+        The cameras, and boards if the covariance is of these, too.
+    covariance : ndarray, shape (unknowns, unknowns)
+        Of the network's unknowns, up to the choice of a datum.
 
     Returns
     -------
     centres : ndarray, shape (cameras, 3)
-        Along the axes of the frame that the adjustment is in, m.
+        Along the axes of the network's frame, m.
     rotations : ndarray, shape (cameras, 3)
         About the camera's own axes, rad.
     """
-    n = len(adjustment.cameras)
-    weight = np.zeros(len(adjustment.covariance))
-    lever = _lever_length(adjustment.cameras)
+    n = len(network.cameras)
+    weight = np.zeros(network.unknowns)
+    lever = _lever_length(network.cameras)
     weight[: n * POSE_UNKNOWNS] = np.tile([lever**2] * 3 + [1, 1, 1], n)
-    G = gauge_directions(adjustment)
+    G = gauge_directions(network)
     S = np.eye(len(weight)) - G @ np.linalg.solve(G.T @ (weight[:, None] * G), G.T * weight)
-    variances = np.einsum("ij,jk,ik->i", S, adjustment.covariance, S, optimize=True)
+    variances = np.einsum("ij,jk,ik->i", S, covariance, S, optimize=True)
     both = np.sqrt(np.maximum(variances[: n * POSE_UNKNOWNS], 0)).reshape(n, 2, 3)
     return both[:, 1], both[:, 0]
 

@@ -19,21 +19,17 @@ effect differs from pose to pose: deviations grow in proportion to the bend, but
 times smaller than the errors.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from scipy.linalg import block_diag
 from scipy.stats import norm, t
 
-from thesis_lib import __version__
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import bundle_adjustment as bundle
-from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction_ratio
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.studies.schema import label_values, read_variables, with_origin
-from thesis_lib.studies.storage import key_of, load_or_compute
+from thesis_lib.vision.pinhole import Camera
 
 # Shots that the jackknife needs: with fewer, a direction often has too little by chance
 MIN_JACKKNIFE_IMAGES = 5
@@ -185,84 +181,45 @@ def _variance_factor(parts: Array, right: Array, gauge: Array, sigma: float) -> 
     return float(max(found / (sigma**2 * expected), 1.0))
 
 
-VARIABLES = read_variables(__file__, "uncertainty")
+def jackknife_rig(
+    corners: Array, board: Board, full: bundle.Adjustment, lens_covariance: Array | None = None
+) -> bundle.Adjustment:
+    """Return calibrated cameras with deviations by :func:`jackknife_cameras`, lenses included.
 
+    Lenses that the adjustment held fixed are as uncertain as each camera's own images leave them,
+    or as they were before.
 
-def jackknife_calibration(
-    calibration: xr.Dataset, board: Board, steps: Path, held: Array | None = None
-) -> xr.Dataset:
-    """Return a calibration with :data:`VARIABLES` by :func:`jackknife_cameras`, cached in a folder.
-
-    It is that of :func:`thesis_lib.measure.steps.calibrate_rig`; `held` (8 n, 8 n) is the
-    covariance of lenses that it held fixed, NaN where that is unknown.
+    Parameters
+    ----------
+    corners : ndarray, shape (cameras, shots, 2, corners)
+        As of :func:`thesis_lib.measure.calibration.rig.adjust_cameras`, in px.
+    board : Board
+        The board that they are on.
+    full : Adjustment
+        Of these.
+    lens_covariance : ndarray, shape (8 n, 8 n), optional
+        Of lenses that were calibrated before; NaN where it is not known.
     """
-
-    def compute_deviations() -> xr.Dataset:
-        corners = calibration["corners"].values
-        corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
-        points, lenses = board.corners_in_images(corners), held
-        together, single = calibration["reprojection_rms"], calibration["single_rms"].values
-        apart = contradiction_ratio(float(together), single) > MAX_CONTRADICTION
-        rig = cameras_in(calibration)
-        if lenses is None and apart:  # lenses are then as each camera's own images determine them
-            blocks = []
-            for k, camera in enumerate(rig):
-                seen = np.isfinite(corners[k]).any(axis=(1, 2))
-                uv, X = corners[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
-                alone = jackknife_cameras(uv, X, bundle.adjust_bundle(uv, X, [camera]))
-                blocks.append(alone.covariance[bundle.POSE_UNKNOWNS :, bundle.POSE_UNKNOWNS :])
-            lenses = block_diag(*blocks)
-        full = bundle.adjust_bundle(corners, points, rig, lenses=lenses is None)
-        cameras = jackknife_cameras(corners, points, full)
-        if lenses is not None and np.isfinite(lenses).all():
-            covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
-            cameras = replace(cameras, covariance=covariance)
-        own = cameras.deviations[:, 0]
-        focal = own if lenses is None else np.sqrt(np.diag(lenses)[:: bundle.LENS_UNKNOWNS])
-        values = {
-            "board_poses": corners.shape[1],
-            "focal_deviation": focal,
-            "centre_deviation": np.linalg.norm(bundle.camera_deviations(cameras)[0], axis=1),
-            "covariance": cameras.covariance,
-        }
-        return calibration.load().assign(label_values(values, VARIABLES))
-
-    return load_or_compute(
-        steps / "cameras.nc",
-        compute_deviations,
-        key_of([calibration.attrs["key"], held is not None and held.tolist()]),
-    )
+    used = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]
+    points = board.corners_in_images(used)
+    if full.deviations.any():  # the lenses are adjusted, too: once more, from where they are now
+        return jackknife_cameras(used, points, bundle.adjust_bundle(used, points, full.cameras))
+    cameras = jackknife_cameras(used, points, full)
+    if lens_covariance is None:
+        lens_covariance = _lenses_alone(used, points, full.cameras)
+    deviations = np.sqrt(np.diag(lens_covariance)).reshape(-1, bundle.LENS_UNKNOWNS)
+    covariance = cameras.covariance
+    if np.isfinite(lens_covariance).all():
+        covariance = with_lenses(used, points, full, lens_covariance, covariance)
+    return replace(cameras, covariance=covariance, deviations=deviations)
 
 
-def read_deviations(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
-    """Return a reused calibration with the deviations of its covariance; NaN without one."""
-    cameras = cameras_in(calibration)
-    n = len(cameras)
-    size = (bundle.POSE_UNKNOWNS + bundle.LENS_UNKNOWNS) * n
-    known = np.full((size, size), np.nan) if covariance is None else covariance
-    none = np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0)
-    bare = bundle.Adjustment(
-        tuple(cameras), *none, 0, 0, np.zeros((n, bundle.LENS_UNKNOWNS)), known
-    )
-    values = {
-        "board_poses": 0,
-        "focal_deviation": np.sqrt(
-            np.diag(known)[bundle.POSE_UNKNOWNS * n :: bundle.LENS_UNKNOWNS]
-        ),
-        "centre_deviation": np.linalg.norm(bundle.camera_deviations(bare)[0], axis=1),
-        "covariance": known,
-    }
-    return calibration.assign(label_values(values, VARIABLES))
-
-
-def covariance_of(calibration: xr.Dataset) -> Array | None:
-    """Return the covariance of the cameras; None if it is not known."""
-    covariance = calibration["covariance"].values
-    return covariance if np.isfinite(covariance).all() else None
-
-
-def to_keep(calibration: xr.Dataset) -> xr.Dataset:
-    """Return the part of a calibration that another measurement can reuse, as its own dataset."""
-    names = ["K", "distortion", "size", "R_camera_world", "centre", *VARIABLES]
-    own = calibration[names].drop_attrs(deep=False).assign_attrs(title="Calibrated cameras")
-    return with_origin(own, f"measurement by thesis_lib {__version__}")
+def _lenses_alone(observations: Array, points: Array, cameras: Sequence[Camera]) -> Array:
+    """Return the covariance of lenses that each camera's own images determine, (8 n, 8 n)."""
+    blocks = []
+    for k, camera in enumerate(cameras):
+        seen = np.isfinite(observations[k]).any(axis=(1, 2))
+        uv, X = observations[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
+        alone = jackknife_cameras(uv, X, bundle.adjust_bundle(uv, X, [camera]))
+        blocks.append(alone.covariance[bundle.POSE_UNKNOWNS :, bundle.POSE_UNKNOWNS :])
+    return np.asarray(block_diag(*blocks))

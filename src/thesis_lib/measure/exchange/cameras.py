@@ -18,20 +18,29 @@ import cv2
 import numpy as np
 import xarray as xr
 
+from thesis_lib import __version__
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
-from thesis_lib.measure.calibration.bundle_adjustment import camera_unknowns
+from thesis_lib.measure.calibration.bundle_adjustment import (
+    LENS_UNKNOWNS,
+    POSE_UNKNOWNS,
+    camera_deviations,
+    camera_unknowns,
+    without_boards,
+)
 from thesis_lib.measure.calibration.rig import cameras_in
 from thesis_lib.measure.recordings import text_files
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.fields import format_given
-from thesis_lib.studies.schema import label_values
+from thesis_lib.studies.schema import label_values, with_origin
 from thesis_lib.text import one_line
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
 OWN_FILE = "calibration.nc"
+_CAMERA_VARIABLES = ("K", "distortion", "size", "R_camera_world", "centre")
+_UNCERTAINTY_VARIABLES = ("board_poses", "focal_deviation", "centre_deviation", "covariance")
 FILE_SUFFIXES = (".yaml", ".yml", ".toml", ".xml", ".json", ".nc")
 CALIBRATION_KINDS = (
     "YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"
@@ -80,9 +89,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     if files[0].suffix.lower() == ".nc":
         try:
             data = storage.open_netcdf(files[0])
-            covariance = np.asarray(data["covariance"].values, float)
-            known = bool(np.isfinite(covariance).all())
-            return Found(cameras_in(data), True, covariance if known else None)
+            return Found(cameras_in(data), True, covariance_of(data))
         except (cubes.CubeError, KeyError):
             raise ManifestError(
                 f"{files[0]}: no calibration, allowed: one that was measured"
@@ -351,24 +358,37 @@ def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
     return Found([found.cameras[k] for k in order], found.placed, covariance)
 
 
-def as_calibrated(found: Found) -> xr.Dataset:
-    """Return reused cameras as :func:`thesis_lib.measure.steps.calibrate_rig` returns them."""
-    n = len(found.cameras)
-    nothing: Array = np.full((n, 1, 2, 1), np.nan)
-    own = {
-        name: np.array([getattr(one, name) for one in found.cameras])
-        for name in ("K", "distortion", "R_camera_world", "centre", "size")
-    }
+def describe_reused(cameras: Sequence[Camera], covariance: Array | None) -> xr.Dataset:
+    """Return the record of a reused calibration; its deviations are NaN without a covariance."""
+    n = len(cameras)
+    lenses = POSE_UNKNOWNS * n
+    if covariance is None:
+        unknowns = lenses + LENS_UNKNOWNS * n
+        covariance = np.full((unknowns, unknowns), np.nan)
+    own = {name: np.array([getattr(one, name) for one in cameras]) for name in _CAMERA_VARIABLES}
     values = own | {
-        "reprojection_rms": np.nan,
-        "single_rms": [np.nan] * n,
-        "single_focal": [one.K[[0, 1], [0, 1]] for one in found.cameras],
-        "focal_deviation": [np.nan] * n,
-        "centre_deviation": [np.nan] * n,
-        "corners": nothing,
-        "residuals": nothing,
+        "board_poses": 0,
+        "shots_used": np.zeros(n, int),
+        "focal_deviation": np.sqrt(np.diag(covariance)[lenses::LENS_UNKNOWNS]),
+        "centre_deviation": np.linalg.norm(
+            camera_deviations(without_boards(cameras), covariance)[0], axis=1
+        ),
+        "covariance": covariance,
     }
-    names = [one.name for one in found.cameras]
+    names = [one.name for one in cameras]
     key = storage.key_of([names, [value.tolist() for value in own.values()]])
     attrs = {"notes": "", "key": key}
     return xr.Dataset(label_values(values, CALIBRATION_VARIABLES), {"camera": names}, attrs)
+
+
+def covariance_of(calibration: xr.Dataset) -> Array | None:
+    """Return the covariance of the cameras; None if it is not known."""
+    covariance = np.asarray(calibration["covariance"].values, float)
+    return covariance if np.isfinite(covariance).all() else None
+
+
+def to_keep(calibration: xr.Dataset) -> xr.Dataset:
+    """Return the part of a calibration that another measurement can reuse, as its own dataset."""
+    names = [*_CAMERA_VARIABLES, *_UNCERTAINTY_VARIABLES]
+    own = calibration[names].drop_attrs(deep=False).assign_attrs(title="Calibrated cameras")
+    return with_origin(own, f"measurement by thesis_lib {__version__}")
