@@ -30,10 +30,10 @@ _UNBROKEN_CHARACTERS = str.maketrans(
 def render(module_file: str | Path, name: str, /, **values: Any) -> str:
     """Fill in the template ``templates/NAME.md`` next to a module, which gives its ``__file__``.
 
-    `name` may be a whole file name, too, such as ``sketch.svg``. A value that the template names
-    and that is missing is an error.
+    `name` may be a whole file name, too, such as ``sketch.svg`` or ``cameras.yaml.j2``. A value
+    that the template names and that is missing is an error.
     """
-    file = name if Path(name).suffix in (".md", ".svg", ".html", ".json") else f"{name}.md"
+    file = name if Path(name).suffix in (".md", ".svg", ".html", ".json", ".j2") else f"{name}.md"
     folder = Path(module_file).parent / TEMPLATE_FOLDER
     return _environment(folder).get_template(file).render(**values)
 

@@ -3,6 +3,7 @@
 import json
 import re
 import time
+import tomllib
 from dataclasses import replace
 
 import cv2
@@ -50,16 +51,42 @@ def assert_same(found, expected=CAMERAS, placed=True):
 # What other programs write.
 
 
+ODD_NAMES = ["it's", "C:\\A", "\\'", "12:30", "1e5", "#ü", "null", "yes", "true", "off", "1",
+             'a "b": c', "カメラ", "<&>{{ x }}"]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("name", "write"), [("c.yaml", written.write_opencv), ("c.toml", written.write_aniposelib)]
 )
 def test_what_is_written_is_read(tmp_path, name, write):
     write(tmp_path / name, CAMERAS)
     assert_same(read_cameras(tmp_path / name))
-    names = ("it's", "C:\\A", "\\'", "12:30", "1e5", "#ü", "null", "yes", "true", "off", "1")
-    odd = [replace(CAMERAS[0], name=text) for text in names]
+    odd = [replace(CAMERAS[0], name=text) for text in ODD_NAMES]
     write(tmp_path / name, odd)
-    assert [one.name for one in read_cameras(tmp_path / name).cameras] == [one.name for one in odd]
+    assert [one.name for one in read_cameras(tmp_path / name).cameras] == ODD_NAMES
+
+
+def test_opencv_and_tomllib_read_every_bit(tmp_path):
+    odd = [replace(one, name=text) for text in ODD_NAMES for one in CAMERAS]
+    written.write_opencv(tmp_path / "c.yaml", odd)
+    written.write_aniposelib(tmp_path / "c.toml", odd)
+    file = cv2.FileStorage(str(tmp_path / "c.yaml"), cv2.FILE_STORAGE_READ)
+    toml = tomllib.loads((tmp_path / "c.toml").read_text(encoding="utf-8"))
+    for k, one in enumerate(odd):
+        node, table = file.getNode(f"camera_{k}"), toml[f"cam_{k}"]
+        assert file.getNode("names").at(k).string() == one.name
+        assert node.getNode("name").string() == table["name"] == one.name
+        size = [node.getNode(name).real() for name in ("image_width", "image_height")]
+        assert size == table["size"] == list(one.size)
+        expected = {
+            ("camera_matrix", "matrix"): one.K - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]],
+            ("distortion_coefficients", "distortions"): one.distortion,
+            ("rvec", "rotation"): cv2.Rodrigues(one.R_camera_world)[0],
+            ("tvec", "translation"): one.t,
+        }
+        for (in_yaml, in_toml), values in expected.items():
+            np.testing.assert_array_equal(node.getNode(in_yaml).mat().ravel(), np.ravel(values))
+            np.testing.assert_array_equal(np.ravel(table[in_toml]), np.ravel(values))
 
 
 def opencv(path, camera, **more):

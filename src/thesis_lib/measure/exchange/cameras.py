@@ -7,7 +7,6 @@ its centre, X along its length, Z along its normal, in m.
 """
 
 import json
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +34,7 @@ from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.fields import format_given
 from thesis_lib.studies.schema import label_values, with_origin
+from thesis_lib.templates import render
 from thesis_lib.text import one_line
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
@@ -258,12 +258,19 @@ def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
     return values
 
 
-def _opencv(camera: Camera) -> tuple[Array, Array, Array, Array]:
-    """Return intrinsic matrix, k₁, k₂, p₁, p₂, k₃, rotation vector and translation in m."""
+def _describe_camera(camera: Camera) -> dict[str, object]:
+    """Return the values of a camera as files have them, its name in quotes and lengths in m."""
     K = camera.K.copy()
     K[:2, 2] -= HALF_PIXEL
-    rotation = cv2.Rodrigues(camera.R_camera_world)[0].ravel()
-    return K, camera.distortion, np.asarray(rotation, float), camera.t
+    return {
+        # In quotes of JSON, which TOML and YAML share: a plain null or yes is no text in YAML
+        "name": json.dumps(camera.name, ensure_ascii=False),
+        "size": list(camera.size),
+        "matrix": K.tolist(),
+        "distortions": camera.distortion.tolist(),
+        "rotation": cv2.Rodrigues(camera.R_camera_world)[0].ravel().tolist(),
+        "translation": camera.t.tolist(),
+    }
 
 
 def write_opencv(path: Path, cameras: Sequence[Camera]) -> None:
@@ -273,47 +280,12 @@ def write_opencv(path: Path, cameras: Sequence[Camera]) -> None:
     ``camera_matrix``, ``distortion_coefficients``, ``rvec``, ``tvec`` in m, as
     ``cv2.projectPoints`` takes them.
     """
-    file = cv2.FileStorage(
-        ".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
-    )
-    # Names are put in afterwards, in quotes: plain ones such as null or yes would be no texts.
-    file.write("names", [f"name_of_{k}" for k in range(len(cameras))])
-    for k, camera in enumerate(cameras):
-        K, distortion, rotation, translation = _opencv(camera)
-        file.startWriteStruct(f"camera_{k}", cv2.FileNode_MAP)
-        file.write("name", f"name_of_{k}")
-        file.write("image_width", camera.size[0])
-        file.write("image_height", camera.size[1])
-        file.write("camera_matrix", K)
-        file.write("distortion_coefficients", distortion[None])
-        file.write("rvec", rotation[:, None])
-        file.write("tvec", translation[:, None])
-        file.endWriteStruct()
-    names = [_toml(camera.name) for camera in cameras]
-    text = re.sub(r'"?\bname_of_(\d+)\b"?', lambda k: names[int(k[1])], file.releaseAndGetString())
-    whole_text(path, text)
+    whole_text(path, render(__file__, "cameras.yaml.j2", cameras=[*map(_describe_camera, cameras)]))
 
 
 def write_aniposelib(path: Path, cameras: Sequence[Camera]) -> None:
     """Write cameras as TOML for aniposelib, and for what reads its files, in m."""
-    lines = []
-    for k, camera in enumerate(cameras):
-        K, distortion, rotation, translation = _opencv(camera)
-        values = {
-            "name": camera.name,
-            "size": list(camera.size),
-            "matrix": K.tolist(),
-            "distortions": distortion.tolist(),
-            "rotation": rotation.tolist(),
-            "translation": translation.tolist(),
-        }
-        lines += [f"[cam_{k}]", *(f"{key} = {_toml(value)}" for key, value in values.items()), ""]
-    whole_text(path, "\n".join([*lines, "[metadata]", 'units = "m"', ""]))
-
-
-def _toml(value: object) -> str:
-    """Write texts, numbers and lists in TOML, and texts in YAML, as in JSON."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    whole_text(path, render(__file__, "cameras.toml.j2", cameras=[*map(_describe_camera, cameras)]))
 
 
 # A calibration that a manifest reuses, as a whole or its lenses.
