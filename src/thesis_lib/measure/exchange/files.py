@@ -12,7 +12,6 @@ from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pyuff
@@ -25,6 +24,7 @@ from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.cameras import write_aniposelib, write_opencv
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
+from thesis_lib.templates import render
 from thesis_lib.vision.pinhole import Camera
 
 MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in one row or column
@@ -185,52 +185,36 @@ def write_vtk(folder: Path, data: xr.Dataset) -> None:
     points, amplitude = data["rest_position"].values[:, known].T, amplitude[known]
     x, y = data["x"].values[known], data["y"].values[known]
     cells = marker_faces(x, y) if len(marker_faces(x, y)) else marker_edges(x, y)
-    fixed = {
+    count, corners = cells.shape
+    grid = {
+        "points": points,
+        "connectivity": cells,
+        "offsets": corners * np.arange(1, count + 1),
+        "types": np.full(count, CELL_TYPES[corners]),
         "amplitude": np.abs(amplitude),
         "phase_deg": np.degrees(np.angle(amplitude)),
         "standard_error": data["standard_error"].values[known],
         "marker": np.flatnonzero(known) + 1.0,
     }
-    count, corners = cells.shape
-    grid = [
-        f'<UnstructuredGrid>\n<Piece NumberOfPoints="{len(points)}" NumberOfCells="{count}">',
-        f"<Points>\n{_vtk_array('points', points)}\n</Points>\n<Cells>",
-        _vtk_array("connectivity", cells),
-        _vtk_array("offsets", corners * np.arange(1, count + 1)),
-        _vtk_array("types", np.full(count, CELL_TYPES[corners])),
-        '</Cells>\n<PointData Scalars="deflection" Vectors="displacement">',
-    ]
-    period, rows = 1 / float(data["frequency"]), []
+    fixed = {name: _join_numbers(values) for name, values in grid.items()}
+    period, times = 1 / float(data["frequency"]), {}
     for k in range(FRAMES_PER_PERIOD):
         deflection = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES_PER_PERIOD))
         vector = np.column_stack([np.zeros((len(points), 2)), deflection])
-        values = {"displacement": vector, "deflection": deflection} | fixed
-        arrays = [_vtk_array(name, each) for name, each in values.items()]
-        lines = [*grid, *arrays, "</PointData>\n</Piece>\n</UnstructuredGrid>"]
+        moved = {"displacement": _join_numbers(vector), "deflection": _join_numbers(deflection)}
+        text = render(
+            __file__, "period.vtu.j2", arrays=fixed | moved, points=len(points), cells=count
+        )
         name = f"period-{k:02d}.vtu"
-        text = _vtk_file("UnstructuredGrid", "\n".join(lines))
         (folder / name).write_text(text, encoding="utf-8")
-        time = f"{k / FRAMES_PER_PERIOD * period:.9g}"
-        rows.append(f'<DataSet timestep="{time}" group="" part="0" file="{name}"/>')
-    listed = _vtk_file("Collection", "<Collection>\n" + "\n".join(rows) + "\n</Collection>")
+        times[name] = k / FRAMES_PER_PERIOD * period
+    listed = render(__file__, "period.pvd.j2", times=times)
     (folder / "period.pvd").write_text(listed, encoding="utf-8")
 
 
-def _vtk_array(name: str, values: Array | IntArray) -> str:
-    whole = values.dtype.kind == "i"
-    kind, form = ("Int64", "d") if whole else ("Float64", ".9g")
-    wide = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 and not whole else ""
-    text = " ".join(format(value, form) for value in values.ravel())
-    return (
-        f'<DataArray type="{kind}" Name={quoteattr(name)}{wide} format="ascii">{text}</DataArray>'
-    )
-
-
-def _vtk_file(kind: str, inner: str) -> str:
-    return (
-        f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" '
-        f'byte_order="LittleEndian" header_type="UInt64">\n{inner}\n</VTKFile>\n'
-    )
+def _join_numbers(values: Array | IntArray) -> str:
+    """Return numbers in a row, as VTK's files have them."""
+    return " ".join(format(value, ".9g") for value in values.ravel().tolist())
 
 
 # The universal file format.
