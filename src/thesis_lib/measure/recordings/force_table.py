@@ -9,6 +9,7 @@ import codecs
 import csv
 import datetime as dt
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,31 +27,16 @@ EXAMPLE_TEXT = (
     'allowed: a time and a force in each line, as "time_s,force_N" and below it "0.001,12.5"'
 )
 
-TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0,
-           "sekunden": 1.0, "secondes": 1.0, "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3,
-           "milliseconds": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "usec": 1e-6,
-           "microseconds": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0}  # fmt: skip
-FORCE_UNITS_N = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "mn": 1e-3, "kn": 1e3, "kilonewton": 1e3,
-           "lbf": 4.4482216152605, "kgf": 9.80665, "gf": 9.80665e-3}  # fmt: skip
 MEGANEWTON_UNIT = "MN"
 UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
               r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
-OTHER_UNITS = frozenset(["v", "mv", "a", "ma", "pc", "hz", "g", "m/s2", "m/s²", "m/s^2", "mm", "µm",
-                         "um", "m", "%", "°c", "degc", "°", "pa", "kpa", "bar", "µe"])  # fmt: skip
-TIME_NAMES = frozenset([
-    "t", "time", "times", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "aika",
-    "x value", "elapsed", "elapsed time", "relative time", "timestamp", "time stamp", "messzeit",
-    "czas", "时间", "時間",
-])  # fmt: skip
-FORCE_NAMES = frozenset([
-    "f", "force", "forces", "kraft", "kräfte", "fuerza", "forza", "força", "effort", "kracht",
-    "load", "hammer", "last", "voima", "siła", "力",
-])  # fmt: skip
-INDEX_NAMES = frozenset([
-    "i", "k", "j", "#", "no", "no.", "nr", "nr.", "index", "idx", "sample", "samples", "row",
-    "scan", "point", "line", "number", "count", "id", "zeile", "nummer", "", "unnamed",
-    "sample number", "scan number",
-])  # fmt: skip
+_WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+TIME_UNITS_S: dict[str, float] = _WORDS["time_units_s"]
+FORCE_UNITS_N: dict[str, float] = _WORDS["force_units_n"]
+OTHER_UNITS = frozenset(_WORDS["other_units"])
+TIME_NAMES = frozenset(_WORDS["time_names"])
+FORCE_NAMES = frozenset(_WORDS["force_names"])
+INDEX_NAMES = frozenset(_WORDS["index_names"])
 
 
 class ForceError(ValueError):
