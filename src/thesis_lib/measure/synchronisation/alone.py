@@ -1,6 +1,6 @@
 """Videos and sounds of one event, put on one clock by what they heard: a table and a figure."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from thesis_lib.measure.synchronisation.audio import AudioSource
 from thesis_lib.measure.synchronisation.drift import Drift, beside_first
 from thesis_lib.measure.synchronisation.listen import load_audio
 from thesis_lib.plotting.style import cycle_color, drawable_names, in_style, save_figure, subplots
+from thesis_lib.web.html import render_lines
 
 ENVELOPE_POINTS = 1500  # points of an envelope
 MIN_AGREED_SHARE = 0.9  # share of the windows below which it is said that they do not agree
@@ -36,38 +37,34 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
-def _describe_starts(
-    drifts: Sequence[Drift], names: Sequence[str], frame_rate: float
-) -> Iterator[str]:
+def _describe_starts(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> list[str]:
     """Report the table in sentences, uncertainties with two digits."""
-    for name, one in zip(names[1:], drifts, strict=True):
-        frames = f" ({one.delay * frame_rate:+.3f} frames)" if np.isfinite(frame_rate) else ""
-        if np.isnan(one.drift):
-            yield (
-                f"{name} starts {one.delay:+.6f} s after {names[0]}{frames}; too little sound to "
-                "tell a standard error, and its clock"
-            )
-            continue
-        ppm, ppm_std, std = 1e6 * one.fast, 1e6 * one.drift_deviation, one.delay_deviation
-        unit, factor = ("s", 1.0) if std >= 1 else ("ms", 1e3) if std * 1e3 >= 1 else ("µs", 1e6)
-        yield (
-            f"{name} starts {one.delay:+.{significant_decimals(std)}f} s ± "
-            f"{std * factor:.{significant_decimals(std * factor)}f} {unit} after "
-            f"{names[0]}{frames}; its clock is fast by "
-            f"{ppm:+.{significant_decimals(ppm_std)}f} ± "
-            f"{ppm_std:.{significant_decimals(ppm_std)}f} ppm"
-        )
-        if one.agreement < MIN_AGREED_SHARE:
-            yield (
-                f"{name}: only {one.agreement:.0%} of the seconds with sound agree on this, as "
-                f"where a room reverberates more than it is heard directly; the start of {name} "
-                "may be further off than its standard error"
-            )
+    return render_lines(
+        "measure/synchronisation/templates/videos.txt.j2",
+        first=names[0],
+        starts=[*zip(names[1:], drifts, strict=True)],
+        frame_rate=None if np.isnan(frame_rate) else frame_rate,
+        is_unknown=np.isnan,
+        round_to=_round_to,
+        format_std=_format_std,
+        least_agreement=MIN_AGREED_SHARE,
+    )
 
 
 def significant_decimals(std: float) -> int:
     """Return how many decimals show two significant digits of a standard uncertainty."""
     return max(0, 1 - int(np.floor(np.log10(std))))
+
+
+def _round_to(value: float, std: float, sign: str = "+") -> str:
+    """Format a value with the decimals that show two significant digits of its uncertainty."""
+    return f"{value:{sign}.{significant_decimals(std)}f}"
+
+
+def _format_std(std: float) -> str:
+    """Format a standard uncertainty in s with two digits, in the unit that suits it."""
+    unit, factor = ("s", 1.0) if std >= 1 else ("ms", 1e3) if std * 1e3 >= 1 else ("µs", 1e6)
+    return f"{_round_to(std * factor, std * factor, '')} {unit}"
 
 
 def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
@@ -99,7 +96,7 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         write_csv(table, part / "sync.csv", "%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
-    found = [*_describe_starts(drifts, names, frame_rate)]
+    found = _describe_starts(drifts, names, frame_rate)
     for video, name in zip(videos, names, strict=True):
         with open_audio(video) as audio:
             if audio.source:  # not all channels, or not at the stated pace
