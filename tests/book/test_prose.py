@@ -71,6 +71,6 @@ def test_the_conventions_promise_what_is_compared():
     text = (files.project_root() / "book" / "glossary.md").read_text(encoding="utf-8")
     section = text.partition("(the-same-on-every-machine)=")[2].partition("\n## ")[2]
     (power,) = re.findall(r"more than 10⁻([⁰¹²³⁴-⁹]) of its largest value", section)
-    assert 10.0 ** -"⁰¹²³⁴⁵⁶⁷⁸⁹".index(power) == cpus.MAX_DIFFERENCE
+    assert 10.0 ** -"⁰¹²³⁴⁵⁶⁷⁸⁹".index(power) == cpus.MAX_DIFFERENCES["float64"]
     (bits,) = re.findall(r"stored to (\d+) bits", section)
-    assert 2.0 ** (1 - int(bits)) == cpus.MAX_SINGLE_DIFFERENCE
+    assert 2.0 ** (1 - int(bits)) == cpus.MAX_DIFFERENCES["float32"]
