@@ -290,7 +290,6 @@ def npm_ci(work: Path, what: str, *options: str) -> None:
         raise web_page.BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
 
 
-BROWSER_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").forEach(
   link => link.protocol === "file:" && link.replaceWith(...link.childNodes))"""
 
@@ -298,10 +297,8 @@ UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").fo
 def print_book(root: Path) -> Path:
     """Print the book of a project in which `thesis book` has run, as it was last executed."""
     names = os.environ.get("CHROME_BIN", ""), "chromium", "chromium-browser", "google-chrome"
-    browser = next(filter(None, map(shutil.which, names)), "")
-    if not browser:
-        advice = "install Chromium, for example `apt install chromium`"
-        raise web_page.BookError(f"to print the book {advice}")
+    if not (browser := next(filter(None, map(shutil.which, names)), "")):
+        raise web_page.BookError("to print the book, install Chromium (`apt install chromium`)")
     if not (root / "build" / "html" / "index.html").is_file():
         raise web_page.BookError("there is no book to print yet: run `thesis book` first")
     progress = Progress(2)
@@ -321,13 +318,12 @@ def prepare_page(text: str) -> str:
     page = lxml.html.document_fromstring(text)
     for details in page.iter("details"):
         details.set("open", "")
-    for viewer in page.find_class("tl-fragment"):
-        if "data-tl-print" not in viewer.attrib:
-            for follower in [*viewer.itersiblings("style", "script")][:2]:
-                follower.drop_tree()
-            anchor = viewer.xpath("string(preceding::*[starts-with(@id, 'document-')][1]/@id)")
-            place = f"Interactive, in the book: {anchor.removeprefix('document-')}.html"
-            viewer.getparent().replace(viewer, builder.P(builder.EM(place)))
+    for viewer in page.xpath("//*[@class='tl-fragment' and not(@data-tl-print)]"):
+        for follower in [*viewer.itersiblings("style", "script")][:2]:
+            follower.drop_tree()
+        anchor = viewer.xpath("string(preceding::*[starts-with(@id, 'document-')][1]/@id)")
+        place = f"Interactive, in the book: {anchor.removeprefix('document-')}.html"
+        viewer.getparent().replace(viewer, builder.P(builder.EM(place)))
     return lxml.html.tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")
 
 
@@ -335,27 +331,22 @@ def print_page(browser: str, page: Path, style: Path, pdf: Path) -> None:
     """Print one local page with an outline and page numbers, without a network."""
     from playwright.sync_api import sync_playwright
     from pypdf import PdfWriter
-    from pypdf.generic import NameObject, TextStringObject
+    from pypdf.generic import NameObject, TextStringObject, TreeObject
 
-    with sync_playwright() as running:
-        chromium = running.chromium.launch(executable_path=browser, args=BROWSER_FLAGS)
-        opened = chromium.new_context(offline=True, color_scheme="light").new_page()
-        opened.set_default_timeout(300_000)
-        opened.goto(page.resolve().as_uri(), wait_until="load")
+    with sync_playwright() as p, p.chromium.launch(executable_path=browser) as chromium:
+        opened = chromium.new_page(offline=True, color_scheme="light")
+        opened.goto(page.resolve().as_uri(), timeout=300_000)
         opened.evaluate("() => window.MathJax?.startup?.promise")
         opened.add_style_tag(path=style)
         opened.evaluate(UNLINK_PAGES)  # whole elements: a script may set an address again
         opened.pdf(
             path=pdf, prefer_css_page_size=True, print_background=True, tagged=True, outline=True
         )
-        chromium.close()
     writer = PdfWriter(clone_from=pdf)
-    entries = [writer.root_object.get("/Outlines")]
-    while entries:  # Chromium doubles the title of a heading that is moved to a new page
-        if entry := entries.pop():
-            entry = entry.get_object()
-            entries += [entry.get("/First"), entry.get("/Next")]
-            title = str(entry.get("/Title", ""))
-            if len(title) > 3 and title[: len(title) // 2] * 2 == title:
-                entry[NameObject("/Title")] = TextStringObject(title[: len(title) // 2])
+    entries = [writer.get_outline_root()]
+    for entry in entries:  # the list grows by the entries below each
+        entries += TreeObject(entry).children()
+        # Chromium doubles the title of a heading that is moved to a new page
+        if doubled := re.fullmatch(r"(..+)\1", str(entry.get("/Title", ""))):
+            entry[NameObject("/Title")] = TextStringObject(doubled[1])
     writer.write(pdf)
