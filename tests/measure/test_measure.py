@@ -35,21 +35,15 @@ from thesis_lib.vision.simulation import assurance_criterion
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 
-<<<<<<< HEAD
 
 def with_digests(names):
     return [*(f".{name}.sha256" for name in names), *names]
 
 
-WHOLE = [CACHE_TAG, *with_digests(["calibration.nc", "cameras.nc", "sound.nc"])]
+WHOLE = [CACHE_TAG, *with_digests(["calibration.nc", "sound.nc"])]
 TRACKS = [f"tracks-{k:02d}.nc" for k in range(3)]
 CENTRES = [f"tracks-{k:02d}.npy" for k in range(3)]
 STEPS = sorted([*WHOLE, *with_digests(TRACKS), *CENTRES])
-=======
-NETCDF = ["calibration.nc", "sound.nc", "videos.nc"]
-WHOLE = [*(f".{name}.sha256" for name in NETCDF), CACHE_TAG, *NETCDF]
-STEPS = sorted(WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")])
->>>>>>> 906589cf (Calibrate with uncertainties in one step and one cached file)
 
 
 @pytest.fixture(scope="module")
