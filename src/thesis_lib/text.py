@@ -4,14 +4,13 @@ Nothing in a text is hidden, and messages are one short line. Lines and JSON go 
 status messages to standard error; none of it changes a result.
 """
 
-import csv
 import json
 import os
 import re
 import shutil
 import sys
 import unicodedata
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -123,48 +122,10 @@ def format_share(share: float) -> str:
     return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
 
 
-def damaged(path: Path, line: int, problem: str) -> str:
-    """Return what is said of a published file that is not as it was."""
+def describe_damage(path: Path, problem: object) -> str:
+    """Return the message on a published file that cannot be read, and what restores it."""
     mend = f"`git checkout {path}`, or installing the library again, restores it"
-    return f"{path}: damaged: line {line} {problem}; {mend}"
-
-
-Columns = Mapping[str, Callable[[str], Any]]
-"""Columns of a table, and what reads a value of each; it raises ValueError."""
-
-
-def read_table(
-    path: Path, columns: Columns, refusal: type[ValueError] = ValueError
-) -> dict[str, list[Any]]:
-    """Return the columns of a published CSV file, by name.
-
-    Raises
-    ------
-    ValueError
-        Or `refusal`, in one line: the file, the line, what is wrong with it, what restores it.
-    """
-    found: dict[str, list[Any]] = {name: [] for name in columns}
-    number = 0  # of the last line that could be read
-    try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            rows = csv.reader(stream, strict=True)
-            header, number = next(rows, []), 1
-            if sorted(header) != sorted(columns):
-                raise refusal(damaged(path, 1, f"names other columns than {', '.join(columns)}"))
-            for number, row in enumerate(rows, 2):
-                if len(row) != len(header):
-                    count = f"has {len(row)} values, not {len(header)}"
-                    raise refusal(damaged(path, number, count))
-                for name, given in zip(header, row, strict=True):
-                    try:
-                        found[name].append(columns[name](given))
-                    except ValueError:
-                        bad = f"has {name} = {one_line(repr(given))}"
-                        raise refusal(damaged(path, number, bad)) from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        why = f"cannot be read ({type(error).__name__})"
-        raise refusal(damaged(path, number + 1, why)) from None
-    return found
+    return f"{path}: damaged ({one_line(str(problem), 120)}); {mend}"
 
 
 QUIET_VARIABLE = "THESIS_QUIET"

@@ -11,7 +11,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import shipped, whole_text
-from thesis_lib.text import Columns, damaged, has_hidden, one_line, read_table
+from thesis_lib.text import describe_damage, one_line
 
 ERROR_VARIABLES = {  # name in the tables: variable, and plane if it has one
     "mean_error": ("mean_error", None),
@@ -148,26 +148,8 @@ def band_text(median: float, low: float, high: float) -> str:
     return "—" if np.isnan(median) else f"{text(median)} ({text(low)}–{text(high)})"
 
 
-def _text(given: str) -> str:
-    if has_hidden(given):
-        raise ValueError
-    return given
-
-
-def _count(given: str) -> int:
-    return int(given) if given.isascii() and given.isdigit() else int("no number")
-
-
-ERROR_COLUMNS: Columns = {
-    **dict.fromkeys(("case", "pair_order", "label", "error"), _text),
-    "mode": _count,
-    **dict.fromkeys(("value", *STATISTIC_NAMES), float),
-}
-LIST_COLUMNS: dict[str, Columns] = {  # by what a list is of
-    name: dict.fromkeys(columns, _text) | ({"value": float} if "value" in columns else {})
-    for name, columns in LISTED_VARIABLES.items()
-}
-PUBLISHED_KEYS = (*ROW_KEYS, "error"), ("quantity",), ("claim",)
+_TEXT_COLUMNS = ("case", "pair_order", "label", "error", "claim", "verdict", "quantity", "unit")
+_NUMBER_COLUMNS = ("value", *STATISTIC_NAMES)
 
 
 def summary_path(name: str) -> Path:
@@ -185,17 +167,29 @@ def publish_errors(cube: xr.Dataset) -> Path:
 def read_published(name: str) -> pd.DataFrame | None:
     """Return the published summary of a figure set, if there is one.
 
-    A CubeError names the file, the line, what is wrong with it, and what restores it.
+    Raises
+    ------
+    CubeError
+        If the file is damaged.
     """
     path = summary_path(name)
     if not path.is_file():
         return None
-    with path.open("rb") as stream:
-        first = stream.readline(99).decode(errors="replace").split(",")[0]
-    table = pd.DataFrame(read_table(path, LIST_COLUMNS.get(first, ERROR_COLUMNS), CubeError))
-    key = next(list(keys) for keys in PUBLISHED_KEYS if set(keys) <= set(table.columns))
-    if (twice := table.duplicated(key)).any():
-        raise CubeError(damaged(path, int(twice.idxmax()) + 2, "is there twice"))
+    types = {**dict.fromkeys(_TEXT_COLUMNS, str), **dict.fromkeys(_NUMBER_COLUMNS, float)}
+    missing = dict.fromkeys(_NUMBER_COLUMNS, "nan")
+    try:
+        table = pd.read_csv(
+            path, dtype=types | {"mode": int}, keep_default_na=False, na_values=missing
+        )
+    except (OSError, ValueError, OverflowError) as error:
+        raise CubeError(describe_damage(path, error)) from None
+    listed = next((one for one in LISTED_VARIABLES if one in table), "")
+    keys = [listed] if listed else [*ROW_KEYS, "error"]
+    columns = LISTED_VARIABLES.get(listed, (*keys, *STATISTIC_NAMES))
+    if set(table) != set(columns):
+        raise CubeError(describe_damage(path, f"other columns than {', '.join(columns)}"))
+    if (repeated := table.duplicated(keys)).any():
+        raise CubeError(describe_damage(path, f"line {repeated.idxmax() + 2} repeats another"))
     return table
 
 
@@ -216,7 +210,7 @@ def compare_summaries(
     for key in ("claim", "quantity"):
         if key in new:
             return new.merge(old, how, on=key, suffixes=("", "_old"), validate="one_to_one")
-    keys, old = [*ROW_KEYS, "error"], old.astype({"value": float})
+    keys = [*ROW_KEYS, "error"]
     table = new.merge(old, how, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
     table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])

@@ -1,5 +1,6 @@
 """Time and memory of figure sets, as the published run took them."""
 
+import csv
 import json
 import sys
 from collections.abc import Iterable
@@ -7,12 +8,9 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from thesis_lib.files import shipped, whole_text
-from thesis_lib.text import Columns, duration, read_table
+from thesis_lib.text import describe_damage, duration
 
-EFFORT_COLUMNS: Columns = {
-    "figure_set": str,
-    **dict.fromkeys(("seconds", "peak_memory_mb", "cube_mb"), float),
-}
+EFFORT_COLUMNS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
 MAX_SIMILAR_RATIO = 1.5  # machines and what else they do differ by as much
 
 
@@ -80,7 +78,7 @@ def peak_memory_mb() -> float:
 def notebook_effort(notebook: Path) -> Effort:
     """Return the effort that an executed notebook carries."""
     kept = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]
-    return Effort(*(float(kept[name]) for name in [*EFFORT_COLUMNS][1:]))
+    return Effort(*(float(kept[name]) for name in EFFORT_COLUMNS[1:]))
 
 
 def _published_path() -> Path:
@@ -88,12 +86,22 @@ def _published_path() -> Path:
 
 
 def read_efforts() -> dict[str, Effort]:
-    """Return the published efforts by figure set, if any; an EffortError names a damaged line."""
+    """Return the published efforts by figure set, if any.
+
+    Raises
+    ------
+    EffortError
+        If the file is damaged.
+    """
     path = _published_path()
     if not path.is_file():
         return {}
-    table = read_table(path, EFFORT_COLUMNS, EffortError)
-    return {name: Effort(*row) for name, *row in zip(*table.values(), strict=True)}
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = [[row[name] for name in EFFORT_COLUMNS] for row in csv.DictReader(stream)]
+        return {name: Effort(*map(float, numbers)) for name, *numbers in rows}
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise EffortError(describe_damage(path, error)) from None
 
 
 def write_efforts(efforts: Iterable[tuple[str, Effort]]) -> None:
