@@ -7,7 +7,6 @@ status messages to standard error; none of it changes a result.
 import json
 import os
 import re
-import shutil
 import sys
 import unicodedata
 from collections.abc import Iterable
@@ -138,7 +137,7 @@ _VERDICT_PATTERN = re.compile("|".join(_VERDICT_COLOURS))
 def aside(text: str) -> None:
     """Write one line on standard error, but not in a notebook's kernel, where it is output."""
     if QUIET_VARIABLE not in os.environ:
-        say(message(text))
+        echo(message(text), err=True)
 
 
 def echo(*lines: str, err: bool = False, verdicts: bool = False, colour: str = "") -> None:
@@ -163,17 +162,3 @@ def print_json(value: Any) -> None:
 
     plain = to_jsonable_python(value, inf_nan_mode="null", fallback=lambda one: one.tolist())
     click.echo(json.dumps(plain, ensure_ascii=False, indent=1))
-
-
-def live() -> bool:
-    """Return whether standard error is a screen, on which a line can be written over."""
-    return not sys.stderr.closed and sys.stderr.isatty()
-
-
-def say(line: str, passing: bool = False) -> None:
-    """Write a line on standard error; on a screen over a passing one, which the next replaces."""
-    if live():
-        width = shutil.get_terminal_size().columns - 1
-        line = f"\r\x1b[K{line[:width] if passing else line}"
-    sys.stderr.write(line if passing else f"{line}\n")
-    sys.stderr.flush()
