@@ -320,8 +320,9 @@ def all_difference_lines(
         here = sorted({str(variable) for variable in cube.variables} - known)
         return [*lines, f"not compared, since only errors are published: {_names(here)}"]
     same, differ, skipped = 0, list[str](), dict[str, list[str]]()
+    shared = _select_shared(cube, other)
     for each in sorted({str(n) for n in (*cube.variables, *other.variables)}):
-        why, difference = _compare_variable(each, cube, other)
+        why, difference = _compare_variable(each, *shared)
         if why:
             skipped.setdefault(why, []).append(each)
         elif difference:
@@ -343,7 +344,7 @@ def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[s
     """Return why a variable cannot be compared, or how it differs; both are empty if not."""
     if name not in cube.variables or name not in other.variables:
         return "only in the first" if name in cube.variables else "only in the second", ""
-    new, old = (_shared_part(one, two)[name] for one, two in ((cube, other), (other, cube)))
+    new, old = cube[name], other[name]
     if new.dims != old.dims or new.shape != old.shape:
         return "of another shape", ""
     off = _differing(new.values, old.values)
@@ -357,22 +358,18 @@ def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[s
     return "", f"{name}{dims}: {off.sum()} of {off.size} values differ{far}"
 
 
-def _shared_part(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    """Return the part of a cube that another has, too: settings, modes, and the first trials."""
+def _select_shared(cube: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+    """Return the parts of two cubes that both have: settings, modes, lists, and first trials."""
     keys = [name for name in ROW_KEYS if name != "mode"]
     if all(name in one.variables for one in (cube, other) for name in keys):
-        here, there = (
-            list(zip(*(one[name].values.tolist() for name in keys), strict=True))
-            for one in (cube, other)
-        )
-        common = sorted({*here} & {*there}, key=str)
-        cube = cube.isel(setting=[here.index(row) for row in common])
-    for dim in ("mode", "quantity", "claim"):
-        if dim in cube.variables and dim in other.variables and dim in cube.dims:
-            common_ = [one for one in sorted(cube[dim].values.tolist()) if one in other[dim].values]
-            cube = cube.isel({dim: [cube[dim].values.tolist().index(one) for one in common_]})
-    trials = min(cube.sizes.get("trial", 0), other.sizes.get("trial", 0))
-    return cube.isel(trial=slice(trials)) if trials else cube
+        rows = [zip(*(one[k].values.tolist() for k in keys), strict=True) for one in (cube, other)]
+        cube = cube.assign_coords(setting=list(map(repr, rows[0])))
+        other = other.assign_coords(setting=list(map(repr, rows[1])))
+    trials = slice(min(cube.sizes.get("trial", 0), other.sizes.get("trial", 0)) or None)
+    cube, other = (one.isel(trial=trials, missing_dims="ignore") for one in (cube, other))
+    labelled = {"setting", "mode", *LISTED_VARIABLES} & set(cube.indexes) & set(other.indexes)
+    exclude = {*cube.dims, *other.dims} - labelled
+    return xr.align(cube, other, join="inner", copy=False, exclude=exclude)
 
 
 def _differing(new: np.ndarray, old: np.ndarray) -> np.ndarray:
