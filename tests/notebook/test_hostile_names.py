@@ -98,7 +98,7 @@ def test_a_name_adds_no_tag_to_a_page(kind):
 
 def test_what_a_program_puts_out_is_no_markup():
     said = "\n\n".join(["**bold**", *NAMES.values()])
-    found = Tags(pages._Text("").html(said, own=False)).tags
+    found = Tags(pages._render_markdown(said, html=False)).tags
     assert ("strong",) in found
     assert not {"script", "img", "form", "input", "a", "b"} & {tag[0] for tag in found}
 

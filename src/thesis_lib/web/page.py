@@ -7,7 +7,7 @@ import json
 import re
 import threading
 from collections.abc import Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,6 @@ from typing import Any
 import nbformat
 from markdown_it import MarkdownIt
 from markupsafe import Markup
-from mdit_py_plugins.amsmath import amsmath_plugin
-from mdit_py_plugins.colon_fence import colon_fence_plugin
-from mdit_py_plugins.deflist import deflist_plugin
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 
 from thesis_lib.files import sha256, workplace
@@ -40,10 +37,7 @@ _MIME_ORDER = [
 ]  # fmt: skip
 _TEMPLATE_FOLDER = Path(__file__).with_name("templates")
 _RENDERING = threading.Lock()  # mdurl fills a cache that other threads read before it is whole
-_ROLE_PATTERN = re.compile(r"\{([\w:]+)\}`([^`]+)`")
-_TARGET_PATTERN = re.compile(r"(.+?)\s*<([^<>]+)>", re.DOTALL)
 _BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
-_LABELLED_PATTERN = re.compile(r"\$\$\s*\(([\w:.-]+)\)")
 
 
 class BookError(RuntimeError):
@@ -68,15 +62,16 @@ def export_notebook(notebook: Path, title: str) -> str:
 
     try:
         executed = nbformat.read(notebook, as_version=4)
-        prose = [cell.source for cell in executed.cells if cell.cell_type == "markdown"]
     except (OSError, ValueError, AttributeError) as error:
         reason = str(error).splitlines() or [type(error).__name__]
         raise BookError(f"cannot read the notebook {notebook}: {reason[0]}") from error
-    text = _Text("\n".join(prose))
     exporter = HTMLExporter(
         template_name="notebook",
         extra_template_basedirs=[str(_TEMPLATE_FOLDER)],
-        filters={"markdown": text.html, "output_markdown": partial(text.html, own=False)},
+        filters={
+            "markdown": partial(_render_markdown, html=True),
+            "output_markdown": partial(_render_markdown, html=False),
+        },
         config=Config({"NbConvertBase": {"display_data_priority": _MIME_ORDER}}),
     )
     body, _ = exporter.from_notebook_node(executed)
@@ -124,74 +119,32 @@ def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
     return _frame_page(title, f"<h1>{escape(title)}</h1>\n<ul>\n{items}</ul>\n")
 
 
-class _Text:
-    """Markdown of one notebook: the part of MyST that makes sense on a page of its own."""
-
-    def __init__(self, prose: str) -> None:
-        self.equations = {name: i for i, name in enumerate(_LABELLED_PATTERN.findall(prose), 1)}
-        self.parser = self._build_parser(html=True)
-        self.of_outputs = self._build_parser(html=False)
-
-    def _build_parser(self, html: bool) -> MarkdownIt:
-        parser = (
-            MarkdownIt("commonmark", {"html": html})
-            .enable("table")
-            .use(
-                dollarmath_plugin, renderer=_format_equation, label_renderer=str, double_inline=True
-            )
-            .use(amsmath_plugin, renderer=lambda tex: _format_equation(tex, {"display_mode": True}))
-            .use(colon_fence_plugin)
-            .use(deflist_plugin)
-        )
-        rules: dict[str, Any] = parser.renderer.rules  # type: ignore[attr-defined]
-        rules["math_block_label"] = self._render_equation
-        rules["colon_fence"] = partial(self._render_aside, parser)
-        rules["table_open"] = lambda *_: '<div class="scroll" tabindex="0"><table>\n'
-        rules["table_close"] = lambda *_: "</table></div>\n"
-        return parser
-
-    def html(self, source: str, own: bool = True) -> str:
-        """Render Markdown; a link into the book, which is not there, becomes plain words.
-
-        HTML in it counts if the notebook itself says so (`own`). What a program has put out may
-        hold a reader's words, and stays text.
-        """
-        parser = self.parser if own else self.of_outputs
-        with _RENDERING:
-            html = str(parser.render(_ROLE_PATTERN.sub(self._render_role, source)))
-        return _BOOK_LINK.sub(r"\1", html)
-
-    def _render_role(self, match: re.Match[str]) -> str:
-        role, content = match.groups()
-        given = _TARGET_PATTERN.fullmatch(content)
-        words, target = given.groups() if given else ("", content)
-        if role == "eq" and target in self.equations:
-            return f"[({self.equations[target]})](#equation-{target})"
-        if role.startswith("cite"):
-            return f"[{target}]"
-        if role == "math":
-            return f"${content}$"
-        return words or (f"*{target}*" if role in ("eq", "ref", "doc") else f"`{target}`")
-
-    def _render_equation(self, tokens: Sequence[Any], index: int, *_: object) -> str:
-        label, tex = tokens[index].info, tokens[index].content
-        number = self.equations.get(label, 0)
-        equation = _format_equation(tex, {"display_mode": True}, number)
-        return f'<div id="equation-{escape(label)}">{equation}</div>\n'
-
-    def _render_aside(
-        self, parser: MarkdownIt, tokens: Sequence[Any], index: int, *_: object
-    ) -> str:
-        info = re.sub(r"^\{[\w-]+\}\s*", "", tokens[index].info)
-        lines = tokens[index].content.splitlines()
-        inner = "\n".join(line for line in lines if not re.match(r":[\w-]+:", line))
-        heading = f"<p><strong>{escape(info)}</strong></p>" if info else ""
-        return f"<aside>{heading}{parser.render(inner)}</aside>\n"
+@cache
+def _build_parser(html: bool) -> MarkdownIt:
+    parser = (
+        MarkdownIt("commonmark", {"html": html})
+        .enable("table")
+        .use(dollarmath_plugin, renderer=_format_equation, double_inline=True)
+    )
+    rules: dict[str, Any] = parser.renderer.rules  # type: ignore[attr-defined]
+    rules["table_open"] = lambda *_: '<div class="scroll" tabindex="0"><table>\n'
+    rules["table_close"] = lambda *_: "</table></div>\n"
+    return parser
 
 
-def _format_equation(tex: str, options: Mapping[str, Any], number: int = 0) -> str:
+def _render_markdown(source: str, html: bool) -> str:
+    """Render Markdown; a link into the book, which is not there, becomes plain words.
+
+    `html` tells whether HTML in it counts: in the notebook's own cells, but not in what a program
+    has put out, which may hold a reader's words.
+    """
+    with _RENDERING:
+        text = str(_build_parser(html).render(source))
+    return _BOOK_LINK.sub(r"\1", text)
+
+
+def _format_equation(tex: str, options: Mapping[str, Any]) -> str:
     """Return one equation, as MathJax finds it."""
     if not options.get("display_mode"):
         return f'<span class="math inline">\\({escape(tex.strip())}\\)</span>'
-    tag = f"\\tag{{{number}}}" if number else ""
-    return f'<div class="math block">\\[{escape(tex.strip())}{tag}\\]</div>\n'
+    return f'<div class="math block">\\[{escape(tex.strip())}\\]</div>\n'
