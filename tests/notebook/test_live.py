@@ -35,7 +35,7 @@ def shell():
 @pytest.mark.parametrize("name", LIVE)
 def test_controls_begin_with_the_request_and_give_it_back(name):
     request = validate_request(name, {"trials": 7, "seed": 2**60})
-    made = live.controls(request)
+    made = live.Controls(request)
     assert set(made.inputs) == set(STUDIES[name].model_fields) - {"cube"}
     assert validate_request(name, made.values) == request
     assert made.message.value == ""
@@ -59,7 +59,7 @@ def test_controls_begin_with_the_request_and_give_it_back(name):
     ],
 )
 def test_a_refused_value_says_so_in_one_line_and_runs_nothing(monkeypatch, key, value, words):
-    made = live.controls(validate_request("beam-distance", {}))
+    made = live.Controls(validate_request("beam-distance", {}))
     monkeypatch.setattr(notebook, "study", lambda *_: pytest.fail("it ran"))
     made.inputs[key].value = value
     assert made.button.disabled
@@ -77,7 +77,7 @@ def test_what_fails_is_told(monkeypatch):
         raise RuntimeError("out of film")
 
     monkeypatch.setattr(notebook, "study", failing)
-    made = live.controls(validate_request("beam-distance", {"trials": 1}))
+    made = live.Controls(validate_request("beam-distance", {"trials": 1}))
     made.button.click()
     assert made.output.outputs[-1]["text"] == "RuntimeError: out of film\n"
     assert not made.button.disabled

@@ -45,29 +45,6 @@ class LiveView:
         return {"text/plain": "", "application/vnd.jupyter.widget-view+json": view}
 
 
-@dataclass(frozen=True)
-class Controls:
-    """The controls of one figure set."""
-
-    inputs: Mapping[str, ipywidgets.ValueWidget]  #: A widget for each parameter, by name
-    button: ipywidgets.Button  #: Runs the figure set with the values of the inputs
-    #: The command that does the same, and why it cannot be run
-    command: ipywidgets.HTML
-    message: ipywidgets.HTML
-    output: ipywidgets.Output  #: Progress and results
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """Return the values of the inputs, plain; a text is JSON or, if it is not, a word."""
-        values: dict[str, Any] = {}
-        for name, widget in self.inputs.items():
-            values[name] = list(widget.value) if isinstance(widget.value, tuple) else widget.value
-            if isinstance(widget, ipywidgets.Text):
-                with contextlib.suppress(ValueError, RecursionError):
-                    values[name] = json.loads(widget.value)
-        return values
-
-
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
     """Return controls of a figure set for the end of its notebook.
 
@@ -88,12 +65,11 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
         return None
     given = {key: namespace[key] for key in STUDIES[name].model_fields if key in namespace}
     request = validate_request(name, given)
-    made = controls(request, partial(namespace.__setitem__, "result"))
-    return LiveView(stack_controls(request, made))
+    return LiveView(Controls(request, partial(namespace.__setitem__, "result")))
 
 
-def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None) -> Controls:
-    """Return controls that begin with the values of a request.
+class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no annotations
+    """Controls of a figure set, which begin with the values of a request, and its results below.
 
     Parameters
     ----------
@@ -102,57 +78,86 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
     keep : callable
         Is given each new cube.
     """
-    values, model = request.model_dump(mode="json"), type(request)
-    schemas = model.model_json_schema()["properties"]
-    inputs = {}
-    for row in describe_parameters(model):  # in the order of the tables
-        name = row["name"]
-        if name != "cube":
-            inputs[name] = _build_input(schemas[name], values[name])
-            inputs[name].description = name
-            inputs[name].tooltip = f"{row['meaning']}; {row['allowed']}"
-            inputs[name].layout, inputs[name].style.description_width = WIDE_LAYOUT, "11rem"
-    made = Controls(
-        inputs,
-        ipywidgets.Button(description="Rerun", button_style="primary", icon="play"),
-        ipywidgets.HTML(),
-        ipywidgets.HTML(),
-        ipywidgets.Output(),
-    )
 
-    def check_values(_: object = None) -> None:
+    def __init__(
+        self, request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None
+    ) -> None:
+        self.name, self.keep = request.name, keep
+        self.inputs: dict[str, ipywidgets.ValueWidget] = {}  # a widget for each parameter
+        self.button = ipywidgets.Button(description="Rerun", button_style="primary", icon="play")
+        self.message = ipywidgets.HTML()  # why the values cannot be run
+        self.command = ipywidgets.HTML()  # the command that does the same
+        self.output = ipywidgets.Output()  # progress and results
+        known = effort.read_efforts().get(self.name)
+        takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
+        rows = [ipywidgets.HTML(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
+        values, model = request.model_dump(mode="json"), type(request)
+        schemas = model.model_json_schema()["properties"]
+        for row in describe_parameters(model):  # in the order of the tables
+            name = row["name"]
+            if name == "cube":
+                continue
+            widget = self.inputs[name] = _build_input(schemas[name], values[name])
+            widget.description = name
+            widget.tooltip = f"{row['meaning']}; {row['allowed']}"
+            widget.layout, widget.style.description_width = WIDE_LAYOUT, "11rem"
+            widget.observe(self.check_values, "value")
+            unit = f"{row['unit']}; " if row["unit"] else ""
+            about = ipywidgets.HTML(html.escape(unit + row["meaning"]))
+            rows.append(ipywidgets.HBox([widget, about]))
+        self.button.on_click(self.run_request)
+        self.check_values()
+        super().__init__([*rows, self.button, self.message, self.command, self.output])
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Return the values of the inputs, plain; a text is JSON or, if it is not, a word."""
+        values: dict[str, Any] = {}
+        for name, widget in self.inputs.items():
+            values[name] = list(widget.value) if isinstance(widget.value, tuple) else widget.value
+            if isinstance(widget, ipywidgets.Text):
+                with contextlib.suppress(ValueError, RecursionError):
+                    values[name] = json.loads(widget.value)
+        return values
+
+    def check_values(self, _: object = None) -> None:
+        """Show the command of the values, or why they are refused."""
         words = refusal = ""
         try:
-            command = study_command(validate_request(request.name, made.values))
+            command = study_command(validate_request(self.name, self.values))
             words = f"The same by command: <code>{html.escape(command)}</code>"
         except ParameterError as error:
             refusal = f'<span role="alert">{html.escape(str(error))}</span>'
-        made.button.disabled = bool(refusal)
-        made.message.value, made.command.value = refusal, words
+        self.button.disabled = bool(refusal)
+        self.message.value, self.command.value = refusal, words
 
-    def click(_: object) -> None:
-        check_values()
-        if not made.message.value:
-            _run_request(made, validate_request(request.name, made.values), keep)
-
-    for widget in inputs.values():
-        widget.observe(check_values, "value")
-    made.button.on_click(click)
-    check_values()
-    return made
-
-
-def stack_controls(request: Study, made: Controls) -> ipywidgets.VBox:
-    """Stack the controls, each with its unit and meaning, and the results below them."""
-    known = effort.read_efforts().get(request.name)
-    takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
-    rows = [ipywidgets.HTML(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
-    about = {row["name"]: row for row in describe_parameters(type(request))}
-    for name, widget in made.inputs.items():
-        row = about[name]
-        unit = f"{row['unit']}; " if row["unit"] else ""
-        rows.append(ipywidgets.HBox([widget, ipywidgets.HTML(html.escape(unit + row["meaning"]))]))
-    return ipywidgets.VBox([*rows, made.button, made.message, made.command, made.output])
+    def run_request(self, _: object = None) -> None:
+        """Run the request of the values and show its result: changes, the viewer, the table."""
+        self.check_values()
+        if self.message.value:
+            return
+        request, output = validate_request(self.name, self.values), self.output
+        self.button.disabled = True
+        output.outputs = ()
+        known = effort.read_efforts().get(self.name)
+        takes = f", about {known.time}" if known else ""
+        output.append_stdout(f"running {self.name}{takes} …\n")
+        start = time.perf_counter()
+        try:
+            cube = notebook.study(self.name, request.model_dump(mode="json"))
+            self.keep(cube)
+            seconds = time.perf_counter() - start
+            output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
+            output.append_stdout("\n".join(cubes.difference_lines(cube)) + "\n")
+            if cubes.list_dimension(cube):
+                output.append_display_data(cubes.summarise_errors(cube))
+            else:
+                output.append_display_data(LiveView(notebook.viewer(cube)))
+                output.append_display_data(error_table(cube))
+        except Exception as error:  # a kernel shows nothing of what a button raises
+            output.append_stderr(f"{type(error).__name__}: {error}\n")
+        finally:
+            self.button.disabled = False
 
 
 def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
@@ -183,28 +188,3 @@ def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidge
         return ipywidgets.FloatText(value=value)
     text = value if isinstance(value, str) else json.dumps(whole_numbers(value), ensure_ascii=False)
     return ipywidgets.Text(value=text, continuous_update=False)
-
-
-def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -> None:
-    """Run a request and show what came of it: what changed, the viewer, the table."""
-    made.button.disabled = True
-    made.output.outputs = ()
-    known = effort.read_efforts().get(request.name)
-    takes = f", about {known.time}" if known else ""
-    made.output.append_stdout(f"running {request.name}{takes} …\n")
-    start = time.perf_counter()
-    try:
-        cube = notebook.study(request.name, request.model_dump(mode="json"))
-        keep(cube)
-        seconds = time.perf_counter() - start
-        made.output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
-        made.output.append_stdout("\n".join(cubes.difference_lines(cube)) + "\n")
-        if cubes.list_dimension(cube):
-            made.output.append_display_data(cubes.summarise_errors(cube))
-        else:
-            made.output.append_display_data(LiveView(notebook.viewer(cube)))
-            made.output.append_display_data(error_table(cube))
-    except Exception as error:  # a kernel shows nothing of what a button raises
-        made.output.append_stderr(f"{type(error).__name__}: {error}\n")
-    finally:
-        made.button.disabled = False
