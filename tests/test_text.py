@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from thesis_lib import templates, text
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.structure_file import MeshError, read_body
-from thesis_lib.runs.command_line import Refused, parse_assignments
+from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies.request import ParameterError
+from thesis_lib.text import RefusedError
 
 LAYOUT = [[[80, 10], [-80, 10]]]
 HIDDEN = ["\0", "\x1b", "\u202e", "\u200b", "\u2028", "\ue000", "\udc80"]
@@ -39,7 +40,7 @@ def test_a_structure_file_whose_name_hides_something_is_refused(tmp_path):
     ['{"a": 1, "a": 2}', '{"a": {"b": 1, "b": 2}}', '[{"a": 1}, {"\\u0061": 1, "a": 2}]'],
 )
 def test_a_key_twice_is_refused_at_any_depth(given_json):
-    with pytest.raises(Refused, match="twice"):
+    with pytest.raises(RefusedError, match="twice"):
         parse_assignments([f"layouts={given_json}"])
     assert parse_assignments(["layouts={}"]) == {"layouts": {}}
 

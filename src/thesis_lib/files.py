@@ -22,7 +22,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from thesis_lib.text import aside, has_hidden, one_line
+from thesis_lib.text import RefusedError, aside, has_hidden, one_line
 
 _SHIPPED_FOLDER = "_project"  # what of the project a wheel has beside the library
 STAGING_PREFIX = ".staging-"
@@ -37,7 +37,7 @@ class InUseError(RuntimeError):
     """A folder that another command writes to; the message is one line."""
 
 
-class NoCloneError(RuntimeError):
+class NoCloneError(RefusedError):
     """What needs a clone of the project was asked of a library that is installed without one."""
 
 
@@ -242,8 +242,18 @@ _TAG_TEXT = "Signature: 8a477f597d28d172789f06886806bc55\n# A cache of thesis_li
 _REMEDY = "move it away, or write elsewhere"
 
 
-class OutputError(RuntimeError):
+class OutputError(RefusedError):
     """An output that would replace a file of the user's; the message is one line."""
+
+
+@contextlib.contextmanager
+def name_place(place: Path) -> Iterator[None]:
+    """Name a file or folder in errors of the system that name none, as that of a full disk."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or place
+        raise
 
 
 def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = ()) -> None:

@@ -20,6 +20,10 @@ HIDDEN_CATEGORIES = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}
 MAX_MESSAGE_LENGTH = 400  # characters of a message
 
 
+class RefusedError(ValueError):
+    """A request that is refused, exit status 2; the message is one line for the user."""
+
+
 def has_hidden(text: str) -> bool:
     """Return whether a text has a character that a reader would not see.
 

@@ -16,9 +16,10 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.notebook.show import form_data
-from thesis_lib.runs.command_line import Refused, parse_assignments, requests_of
+from thesis_lib.runs.command_line import parse_assignments, requests_of
 from thesis_lib.studies.fields import describe_permitted
 from thesis_lib.studies.request import ParameterError, describe_parameters, study_command
+from thesis_lib.text import RefusedError
 
 ODD = "a\u00a0b\u2028c\u200bd\U000e0001"
 DISTANCE, ARRAYS = "beam-distance", "beam-arrays"
@@ -212,7 +213,7 @@ def test_a_chapters_command_reaches_each_set(chromium, path, monkeypatch):
 
 def test_a_number_of_cameras_is_answered_by_how_to_say_it():
     for names in (["ch3"], ["beam-arrays"], ["sound-distance"]):
-        with pytest.raises(Refused) as caught:
+        with pytest.raises(RefusedError) as caught:
             requests_of(names, {"cameras": 5})
         (words,) = [one for one in shlex.split(caught.value.message) if one.startswith("layouts=")]
         layouts = parse_assignments([words])

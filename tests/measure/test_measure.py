@@ -318,7 +318,7 @@ def test_a_full_disk_leaves_the_results_of_before(measured, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert f"{out}" in line
     assert "File too large" in line
-    assert "the same command goes on where this one stopped" in line
+    assert "put that right, and run the same command again" in line
     assert names(out) == [".steps", RECORD_NAME, "report.html"]
     assert (out / "report.html").read_text() == "of before"
     assert names(out / ".steps") == STEPS

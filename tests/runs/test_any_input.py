@@ -19,9 +19,9 @@ from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.recording_files import example_rig, manifest_of
 from thesis_lib.planning.request import PlanRequest, plan_request
-from thesis_lib.runs.command_line import Refused, parse_assignments, requests_of
+from thesis_lib.runs.command_line import parse_assignments, requests_of
 from thesis_lib.studies import storage
-from thesis_lib.studies.request import ParameterError
+from thesis_lib.text import RefusedError
 
 pytestmark = pytest.mark.slow
 
@@ -94,7 +94,7 @@ def test_requests(place, name, given):
         return
     try:
         requests_of([name], parse_assignments(given))
-    except (ParameterError, Refused):
+    except RefusedError:
         refused(place, "run", name, *(word for one in given for word in ("-p", one)))
 
 
@@ -103,7 +103,7 @@ def test_requests(place, name, given):
 def test_plans(place, given):
     try:
         plan_request(parse_assignments([given]))
-    except (ParameterError, Refused):
+    except RefusedError:
         refused(place, "plan", "-p", given)
 
 

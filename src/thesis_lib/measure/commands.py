@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import shlex
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -12,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.files import OutputError, check_outputs, put_files, staging
-from thesis_lib.text import echo, print_json
+from thesis_lib.files import check_outputs, name_place, put_files, staging
+from thesis_lib.text import RefusedError, echo, print_json
 
 if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest import Manifest
@@ -32,27 +31,6 @@ _PAPER_OPTION = click.option(
 )
 
 
-@contextlib.contextmanager
-def one_line(place: Path) -> Iterator[None]:
-    """Report every failure as one line, also errors of the system or of another library."""
-    from thesis_lib.measure.paper import PaperError
-    from thesis_lib.measure.recordings.manifest import ManifestError
-
-    try:
-        yield
-    except click.ClickException:
-        raise
-    except (ManifestError, OutputError, PaperError) as error:
-        raise click.UsageError(str(error)) from None  # exit status 2
-    except OSError as error:  # a full disk, a folder that may not be written to
-        raise click.ClickException(
-            f"{error.filename or place}: {error.strerror or error}; put that right, and the same "
-            "command goes on where this one stopped"
-        ) from None
-    except Exception as error:
-        raise click.ClickException(str(error) or type(error).__name__) from None
-
-
 class HelpGroup(click.Group):
     """Commands whose group, given alone, prints its help."""
 
@@ -68,7 +46,7 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     from thesis_lib.measure.recordings.template import new_manifest
 
     given = rename_options(dict(given))
-    with one_line(folder):
+    with name_place(folder):
         write = write_draft if "cameras" in given else new_manifest
         manifest, lines = write(folder, given)
     echo(*lines)
@@ -148,7 +126,7 @@ def board(file: Path, **given: Any) -> None:
     """Draw a calibration board into FILE, board.pdf if not given."""
     from thesis_lib.measure.paper import write_board
 
-    with one_line(file):
+    with name_place(file):
         said = write_board(file, **given)
     echo(f"{file}: print at 100 %, measure the line of 100 mm, glue the sheet on a flat plate")
     echo(*said.split("\n"))
@@ -167,7 +145,7 @@ def markers(file: Path, **given: Any) -> None:
     """Draw markers into FILE, markers.pdf if not given, on as many pages as they need."""
     from thesis_lib.measure.paper import write_markers
 
-    with one_line(file):
+    with name_place(file):
         count = write_markers(file, **given)
     echo(f"{file}: {count} pages to be printed at 100 %, cut at the corner marks, and joined")
 
@@ -181,7 +159,7 @@ def stand(manifest: Path, file: Path, paper: str) -> None:
     from thesis_lib.measure.paper import write_stand
     from thesis_lib.measure.recordings.manifest import read_manifest
 
-    with one_line(file):
+    with name_place(file):
         write_stand(file, read_manifest(manifest, check_files=False).cameras, paper)
     echo(f"{file}: print it at 100 %, and lay it under the structure's centre")
 
@@ -206,7 +184,7 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
             raise click.UsageError(f"sync: given {video}, no such file")
     from thesis_lib.measure.synchronisation.alone import write_synchronisation
 
-    with one_line(out):
+    with name_place(out):
         lines = write_synchronisation(videos, out)
     echo(*lines)
     echo(f"Wrote {out / 'sync.csv'} and {out / 'sync.png'}")
@@ -229,10 +207,10 @@ def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     target = video or source.with_name(f"{stem}.mov")
     if video is None and target == source:
         target = source.with_name(f"{stem}-{rate_hz or 0:g}.mov")
-    with one_line(target):
+    with name_place(target):
         check_outputs(target.parent, [target])
         try:
             count, (width, height) = pack_frames(source, target, rate_hz, echo)
         except MediaError as error:
-            raise click.UsageError(str(error)) from None
+            raise RefusedError(str(error)) from None
     echo(f"{target}: {count} frames of {width} × {height} px")

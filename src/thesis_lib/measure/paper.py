@@ -19,6 +19,7 @@ from thesis_lib.files import check_file, whole_file
 from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.plotting.style import cycle_color, drawable_names
+from thesis_lib.text import RefusedError
 
 PAGE_SIZES_MM = {  # mm, upright
     "A4": (210.0, 297.0),
@@ -37,7 +38,7 @@ MM_PER_INCH = 25.4  # of an inch
 Draw = Callable[[Axes], object]
 
 
-class PaperError(ValueError):
+class PaperError(RefusedError):
     """A sheet that cannot be; the message is one line: the option, what was given, what allowed."""
 
 

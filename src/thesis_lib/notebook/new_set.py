@@ -9,6 +9,7 @@ from typing import Any
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, FIGURE_SETS
 from thesis_lib.files import project_root, staging, whole_file, whole_text
 from thesis_lib.studies.request import Study, describe_parameters, whole_numbers
+from thesis_lib.text import RefusedError
 
 MAX_LINE_LENGTH = 100
 MAX_VALUE_LENGTH = 86  # with the name: longer lists stand one element a line
@@ -63,7 +64,7 @@ CONTENTS_PART = '  - caption: "Beyond the thesis"'
 NAME_PATTERN = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
-class NewSetError(ValueError):
+class NewSetError(RefusedError):
     """A figure set that cannot be begun; the message is one line."""
 
 

@@ -15,14 +15,14 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from thesis_lib.files import cache_folder, remove_temporary, workplace
-from thesis_lib.text import has_hidden, one_line, parse_json
+from thesis_lib.text import RefusedError, has_hidden, one_line, parse_json
 
 if TYPE_CHECKING:
     from thesis_lib.studies.request import Study
@@ -145,37 +145,23 @@ LONGEST_FILE = 80  # characters of the names of files in the folders that are wr
 _ANY_FOLDER = "a folder, new or not"
 
 
-class Refused(click.ClickException):
-    """The request was wrong: one line, exit status 2, nothing written."""
-
-    exit_code = REFUSED_STATUS
-
-
-@contextlib.contextmanager
-def refusing(error_type: type[Exception], of: str = "") -> Iterator[None]:
-    """Refuse the request for errors of a type, which say in one line what is wrong with it."""
-    try:
-        yield
-    except error_type as error:
-        raise Refused(f"{of}{error}") from None
-
-
 def parse_assignments(assignments: Sequence[str]) -> dict[str, Any]:
     """Return the values of parameters from ``KEY=VALUE`` texts, as JSON or else as text."""
     values: dict[str, Any] = {}
     for assignment in assignments:
         key, equals, text = assignment.partition("=")
         if not equals or not key:
-            raise Refused(f"-p: given {assignment!r}, allowed: KEY=VALUE")
+            raise RefusedError(f"-p: given {assignment!r}, allowed: KEY=VALUE")
         if key in values:
-            raise Refused(f"-p: {key!r} is given twice, allowed: once")
+            raise RefusedError(f"-p: {key!r} is given twice, allowed: once")
         if key == "cube":
-            raise Refused("-p: cube is where a notebook writes; use --out to choose the folder")
+            why = "cube is where a notebook writes; use --out to choose the folder"
+            raise RefusedError(f"-p: {why}")
         try:
             values[key] = parse_json(text)
         except KeyError as error:
             repeated = one_line(repr(error.args[0]))
-            raise Refused(f"-p: {key}: {repeated} is given twice, allowed: once") from None
+            raise RefusedError(f"-p: {key}: {repeated} is given twice, allowed: once") from None
     return values
 
 
@@ -197,19 +183,18 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     A name that is a folder's stands for the figure sets in it.
     """
     from thesis_lib.figure_sets.registry import model_of
-    from thesis_lib.studies.request import ParameterError, check_names, validate_values
+    from thesis_lib.studies.request import check_names, validate_values
 
     studies, notes = [], []
-    with refusing(ParameterError):
-        expanded = [one for name in names for one in sets_of(name)]
-        models = [model_of(name) for name in dict.fromkeys(expanded)]
-        known = {key for model in models for key in model.model_fields}
-        check_names(models[0], (key for key in values if key not in known))
-        for model in models:
-            own = {key: value for key, value in values.items() if key in model.model_fields}
-            studies.append(validate_values(model, own))
-            lacking = [key for key in values if key not in own]
-            notes += [f"{model.name} has no {key}: it runs without" for key in lacking]
+    expanded = [one for name in names for one in sets_of(name)]
+    models = [model_of(name) for name in dict.fromkeys(expanded)]
+    known = {key for model in models for key in model.model_fields}
+    check_names(models[0], (key for key in values if key not in known))
+    for model in models:
+        own = {key: value for key, value in values.items() if key in model.model_fields}
+        studies.append(validate_values(model, own))
+        lacking = [key for key in values if key not in own]
+        notes += [f"{model.name} has no {key}: it runs without" for key in lacking]
     for note in notes:
         click.echo(note, err=True)
     return studies
@@ -220,11 +205,13 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
     from thesis_lib.figure_sets.registry import FIGURE_SETS
     from thesis_lib.studies import workers
 
-    with refusing(ValueError, "--scheduler: "):
+    try:
         workers.check_address(scheduler)
+    except ValueError as error:
+        raise RefusedError(f"--scheduler: {error}") from None
     others = [study.name for study in studies if not FIGURE_SETS[study.name].in_pieces]
     if len(others) == len(studies):
-        raise Refused(
+        raise RefusedError(
             f"--scheduler: given with {', '.join(others)}, allowed with camera and sound studies "
             "(beam-…, plate-…, sound-…, shape-…), which can be cut into pieces"
         )
@@ -249,15 +236,15 @@ def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | No
 def new_folder(out: Path, option: str = "--out") -> Path:
     """Check a folder to write to: no file stands in its way, writing is allowed."""
     if str(out) in ("", "."):
-        raise Refused(f"{option}: given no folder of its own, allowed: {_ANY_FOLDER}")
+        raise RefusedError(f"{option}: given no folder of its own, allowed: {_ANY_FOLDER}")
     folder = out.absolute()
     if has_hidden(str(folder)):
-        raise Refused(f"{option}: given {str(out)!r}, allowed: a visible name")
+        raise RefusedError(f"{option}: given {str(out)!r}, allowed: a visible name")
     try:
         (folder / ("x" * LONGEST_FILE)).lstat()
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
-            raise Refused(
+            raise RefusedError(
                 f"{option}: given {one_line(str(out))}, but a file in it would have too long a "
                 "name; allowed: a shorter one"
             ) from None
@@ -266,5 +253,5 @@ def new_folder(out: Path, option: str = "--out") -> Path:
     if not there.is_dir():
         problem = "is a file" if there.exists() else "leads nowhere"
     if problem:
-        raise Refused(f"{option}: given {out}, but {there} {problem}; allowed: {_ANY_FOLDER}")
+        raise RefusedError(f"{option}: given {out}, but {there} {problem}; allowed: {_ANY_FOLDER}")
     return folder

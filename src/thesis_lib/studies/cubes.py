@@ -11,7 +11,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import shipped, whole_text
-from thesis_lib.text import describe_damage, one_line
+from thesis_lib.text import RefusedError, describe_damage, one_line
 
 ERROR_VARIABLES = {  # name in the tables: variable, and plane if it has one
     "mean_error": ("mean_error", None),
@@ -45,7 +45,7 @@ BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
 _Cube = TypeVar("_Cube", xr.Dataset, xr.DataArray)
 
 
-class CubeError(ValueError):
+class CubeError(RefusedError):
     """A file that is not one of our cubes; the message is one line."""
 
 

@@ -13,7 +13,7 @@ from thesis_lib.acoustics.planes import Plane, plate_pistons
 from thesis_lib.acoustics.radiation import FINER_PISTONS, Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.studies import fields
-from thesis_lib.text import listed, one_line
+from thesis_lib.text import RefusedError, listed, one_line
 from thesis_lib.vibration.structure import Plate, Structure, resonance_frequency
 
 CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
@@ -25,7 +25,7 @@ SHARED_FIELDS = (
 """Parameters that mean the same in all figure sets: they are listed after a set's own."""
 
 
-class ParameterError(ValueError):
+class ParameterError(RefusedError):
     """A request that cannot be run; the message is one line for the person who made it."""
 
 

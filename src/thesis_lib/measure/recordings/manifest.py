@@ -20,7 +20,7 @@ from thesis_lib.measure.recordings.board import BoardSpec, Place
 from thesis_lib.measure.recordings.manifest_parts import Excitation, FileName, StructureSpec
 from thesis_lib.studies import fields
 from thesis_lib.studies.fields import Fields, Positive, Real, format_given, refuse_value
-from thesis_lib.text import aside
+from thesis_lib.text import RefusedError, aside
 
 INSIDE_TEXT = "a path inside the manifest's folder"
 #: Endings of images that are sought in folders
@@ -159,7 +159,7 @@ class Manifest(Fields):
         return self
 
 
-class ManifestError(ValueError):
+class ManifestError(RefusedError):
     """A manifest that cannot be used; the message is one line."""
 
 
