@@ -19,9 +19,15 @@ from thesis_lib.book.build import (
     make_task,
     result_files,
 )
-from thesis_lib.book.pieces import benchmarks, factors, illustrations, opened, thesis_index
-from thesis_lib.book.pieces import manifest as recordings
-from thesis_lib.book.pieces import write as texts
+from thesis_lib.book.pieces import (
+    benchmarks,
+    factors,
+    illustrations,
+    manifest as recordings,
+    opened,
+    thesis_index,
+    write as texts,
+)
 from thesis_lib.figure_sets import record as measured_sample
 from thesis_lib.figure_sets.claims import compute as ledger
 from thesis_lib.figure_sets.experiment import walk

@@ -27,8 +27,7 @@ from thesis_lib.acoustics.radiation import AIR, rayleigh_pressure
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
-from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.parametric import compute as studies, sound
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import PlateSoundStudy, camera_study
 from thesis_lib.figure_sets.registry import STUDIES

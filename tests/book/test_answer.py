@@ -6,8 +6,7 @@ import shlex
 import pytest
 from command import thesis
 
-from thesis_lib.book.pieces import benchmarks
-from thesis_lib.book.pieces import manifest as filming
+from thesis_lib.book.pieces import benchmarks, manifest as filming
 from thesis_lib.measure.feasibility import assess
 from thesis_lib.measure.feasibility.prediction import draft_manifest
 

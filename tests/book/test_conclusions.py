@@ -8,8 +8,7 @@ import pytest
 import xarray as xr
 from scenes.laboratory import replicates
 
-from thesis_lib.book.pieces import conclusions, factors
-from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.book.pieces import conclusions, factors, write as pieces_write
 from thesis_lib.book.pieces.factors import FACTORS
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment import compute as experiment

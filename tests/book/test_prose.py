@@ -7,9 +7,13 @@ import cpus
 import pytest
 
 from thesis_lib import files
-from thesis_lib.book.pieces import benchmarks, findings, thesis_index
-from thesis_lib.book.pieces import manifest as reference
-from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.book.pieces import (
+    benchmarks,
+    findings,
+    manifest as reference,
+    thesis_index,
+    write as pieces_write,
+)
 from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, Opened, find_figure_names
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.experiment import walk

@@ -10,8 +10,7 @@ from math import acos, asin, atan, cos, cosh, degrees, inf, isfinite, pi, radian
 import numpy as np
 import pytest
 
-from thesis_lib.facts import claims as stated_numbers
-from thesis_lib.facts import setups
+from thesis_lib.facts import claims as stated_numbers, setups
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vision.optics import angle_of_view
 

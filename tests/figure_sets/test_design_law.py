@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scenes.small import REQUESTS, small_cube
 from scipy.stats import qmc
 
-from thesis_lib.figure_sets.design_law import shares as design_shares
-from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
+from thesis_lib.figure_sets.design_law import shares as design_shares, sweeps as design_sweeps
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.cubes import read_published
 from thesis_lib.vision import cone_law, rounding, simulation

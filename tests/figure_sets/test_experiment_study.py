@@ -8,8 +8,7 @@ import pytest
 from scenes.laboratory import MATCH, estimated, recordings, replicates
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment import compute as es
-from thesis_lib.figure_sets.experiment import methods as shapes
+from thesis_lib.figure_sets.experiment import compute as es, methods as shapes
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution, method_of
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.measure.recordings.board import rows_on

@@ -5,8 +5,7 @@ from math import hypot, pi, radians
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scenes.small import small_cube
 
 from thesis_lib.facts import setups

@@ -5,8 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from thesis_lib.figure_sets.experiment import compute as study
-from thesis_lib.figure_sets.experiment import walk
+from thesis_lib.figure_sets.experiment import compute as study, walk
 from thesis_lib.figure_sets.registry import validate_request
 
 

@@ -14,8 +14,7 @@ from thesis_lib.acoustics.planes import full_factor, plane_operator, plate_pisto
 from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.cube_file import cube_of
-from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.parametric import compute as studies, sound
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.notebook import show as notebook

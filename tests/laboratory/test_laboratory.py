@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment import compute as filmed
-from thesis_lib.figure_sets.experiment import methods as chain
+from thesis_lib.figure_sets.experiment import compute as filmed, methods as chain
 from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of, write_recording
 from thesis_lib.laboratory.rig import MAX_START_S, REST_S, default_rig
 from thesis_lib.measure.fitting import reconstruction as rc
-from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings import validation as recordings_check
+from thesis_lib.measure.recordings import media, validation as recordings_check
 from thesis_lib.measure.recordings.audio import read_audio
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.media_info import probe_media

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scenes.calibration import picture
 from scenes.discs import camera, disc_centroids
 from scipy.special import ndtr

@@ -21,8 +21,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.files import project_root
-from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger import verdicts
+from thesis_lib.ledger import entries as ledger, verdicts
 from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.schema import with_provenance

@@ -15,8 +15,7 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
-from thesis_lib.measure.tracking import follow as following
-from thesis_lib.measure.tracking import homography
+from thesis_lib.measure.tracking import follow as following, homography
 from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.tracker import Tracker, assign_places, sharpen_view
 from thesis_lib.measure.tracking.tracks import record_track

@@ -10,8 +10,7 @@ from conftest import PROJECT
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
-from thesis_lib.notebook import controls as live
-from thesis_lib.notebook import show as notebook
+from thesis_lib.notebook import controls as live, show as notebook
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import study_command
 

@@ -11,8 +11,7 @@ from contextlib import suppress
 import pytest
 import yaml
 from command import thesis
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.figure_set import camera_study

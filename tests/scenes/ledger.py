@@ -7,8 +7,7 @@ from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import compute
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.figure_set import Claims
-from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.parametric import compute as studies, sound
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.studies.schema import with_provenance
 

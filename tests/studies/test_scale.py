@@ -9,8 +9,7 @@ import pytest
 import xarray as xr
 from command import thesis
 
-from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.parametric import compute as studies, sound
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import workers

@@ -5,8 +5,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scenes.convergence import orders
 from scenes.mobility import drive_point_mobility
 

@@ -4,8 +4,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from thesis_lib.facts import setups
 from thesis_lib.vision import pinhole

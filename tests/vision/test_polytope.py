@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scenes.slabs import box, faces, moved_world, rig, rounded
 from scipy.optimize import linprog
 

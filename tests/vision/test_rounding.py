@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request

@@ -20,8 +20,7 @@ import xarray as xr
 
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Claim, StatedNumber, Trend, read_numbers, read_reasons
-from thesis_lib.ledger import trends as ledger_trends
-from thesis_lib.ledger import verdicts
+from thesis_lib.ledger import trends as ledger_trends, verdicts
 from thesis_lib.ledger.verdicts import VERDICTS, Series
 from thesis_lib.studies import cubes, schema
 from thesis_lib.studies.request import Study, study_command

@@ -20,8 +20,7 @@ from IPython.display import Markdown, display
 from matplotlib.figure import Figure
 
 from thesis_lib import files
-from thesis_lib.figure_sets import cube_file, registry
-from thesis_lib.figure_sets import display as figure_sets
+from thesis_lib.figure_sets import cube_file, display as figure_sets, registry
 from thesis_lib.figure_sets.parametric import in_page
 from thesis_lib.plotting import panels, selection
 from thesis_lib.plotting.style import figure_svg

@@ -23,8 +23,7 @@ from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting import style
 from thesis_lib.plotting.selection import error_bars, list_cases, select_settings, trial_rms
-from thesis_lib.vibration import deflection_shape
-from thesis_lib.vibration import structure as structures
+from thesis_lib.vibration import deflection_shape, structure as structures
 
 DRAWN_MODE = 3  # of the curves over what is varied
 LAW_SETTINGS = 101

@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib import files
-from thesis_lib.book.pieces import benchmarks as benchmark_tables
-from thesis_lib.book.pieces import conclusions, findings, structures
+from thesis_lib.book.pieces import benchmarks as benchmark_tables, conclusions, findings, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import display
-from thesis_lib.figure_sets.parametric import figures as shape_figures
-from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.parametric import figures as shape_figures, sound
 
 
 def write_pieces(

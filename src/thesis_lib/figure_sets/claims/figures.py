@@ -15,8 +15,7 @@ from scipy.stats import binomtest
 
 from thesis_lib.facts.setups import READINGS
 from thesis_lib.figure_sets.claims.compute import format_command
-from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger import trends, verdicts
+from thesis_lib.ledger import entries as ledger, trends, verdicts
 from thesis_lib.ledger.entries import Entry, from_cube
 from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices

@@ -8,8 +8,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting import selection, style
+from thesis_lib.plotting import panels as figures, selection, style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vibration.motion import detuning_loss
 

@@ -8,8 +8,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
-from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting import selection, style
+from thesis_lib.plotting import panels as figures, selection, style
 from thesis_lib.studies import cubes
 
 CASE_TITLES = {

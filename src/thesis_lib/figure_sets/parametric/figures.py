@@ -20,8 +20,7 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible_planes, turn_summary
 from thesis_lib.ledger import verdicts
-from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting import selection, style
+from thesis_lib.plotting import panels as figures, selection, style
 from thesis_lib.studies import cubes, schema
 from thesis_lib.templates import render
 from thesis_lib.vibration.finite_elements import plate_modes

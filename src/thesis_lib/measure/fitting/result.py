@@ -12,8 +12,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.fitting import errors, harmonics
-from thesis_lib.measure.fitting import frequency as clocks
+from thesis_lib.measure.fitting import errors, frequency as clocks, harmonics
 from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.fitting.reconstruction import check_frame, check_sides, misfit_at_rest
 from thesis_lib.measure.recordings.manifest import Manifest

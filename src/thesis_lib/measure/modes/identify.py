@@ -13,8 +13,7 @@ from thesis_lib.measure.fitting import result
 from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
-from thesis_lib.measure.modes import poles as fits
-from thesis_lib.measure.modes import shapes as motions
+from thesis_lib.measure.modes import poles as fits, shapes as motions
 from thesis_lib.measure.modes.poles import Poles, TrackBlock
 from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.manifest import Manifest

@@ -14,8 +14,7 @@ import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.files import whole_text
-from thesis_lib.measure.recordings import manifest_parts as parts
-from thesis_lib.measure.recordings import text_files
+from thesis_lib.measure.recordings import manifest_parts as parts, text_files
 from thesis_lib.measure.recordings.board import BoardSpec, Place
 from thesis_lib.measure.recordings.manifest_parts import Excitation, FileName, StructureSpec
 from thesis_lib.studies import fields

@@ -15,8 +15,7 @@ import yaml
 from pydantic import BaseModel
 
 from thesis_lib.files import put_files, staging
-from thesis_lib.measure.recordings import manifest as manifests
-from thesis_lib.measure.recordings import media_info
+from thesis_lib.measure.recordings import manifest as manifests, media_info
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, find_images, is_hidden
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe_media, rate_of

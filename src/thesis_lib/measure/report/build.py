@@ -21,8 +21,7 @@ from thesis_lib.measure.messages import ALL_MESSAGES, Note
 from thesis_lib.measure.radiation.of_measurement import absolute_pressure, format_point
 from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.report import figures as draw
-from thesis_lib.measure.report import warnings
+from thesis_lib.measure.report import figures as draw, warnings
 from thesis_lib.plotting.selection import encode_field
 from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
 from thesis_lib.studies.cubes import iterate_slices

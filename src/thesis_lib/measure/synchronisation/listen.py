@@ -29,8 +29,7 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
-from thesis_lib.measure.synchronisation import audio, tones
-from thesis_lib.measure.synchronisation import delays as matching
+from thesis_lib.measure.synchronisation import audio, delays as matching, tones
 from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
 from thesis_lib.measure.synchronisation.tones import MAX_SLIP_TURNS, Interval
 from thesis_lib.web.html import render_lines
