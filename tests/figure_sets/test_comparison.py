@@ -110,6 +110,7 @@ DAMAGED = {
     "cut in a number": ("".join(LINES[:3]) + LINES[3][:30], "could not convert"),
     "a row twice": ("".join([*LINES[:3], LINES[1], *LINES[3:]]), "line 4 repeats"),
     "a quote without end": (LINES[0] + '"' + "".join(LINES[1:]), "EOF inside string"),
+    "a value too many": (LINES[0] + "".join(f",{line}" for line in LINES[1:]), "value too many"),
     "a conflict": ("".join([*LINES[:2], "<<<<<<< HEAD\n", *LINES[2:]]), "could not convert"),
 }
 
