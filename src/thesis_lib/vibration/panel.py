@@ -117,13 +117,13 @@ class Panel(Sheet):
     def covers(self, points: ArrayLike) -> Mask:
         """Return whether points (2, n) in m are on the panel; its edges are part of it."""
         points = np.asarray(points, float)
-        inside = polygons.polygon_contains(self.outline, points)
-        curves = [self.outline]
+        cutouts = [hole for hole in self.holes if not isinstance(hole, polygons.Circle)]
+        inside = polygons.polygon_contains(self.outline, points, cutouts)
         for hole in self.holes:
-            inside &= ~polygons.in_hole(hole, points)
-            curves += [] if isinstance(hole, polygons.Circle) else [hole]
-        nearest = [polygons.edge_distances(curve, points).min(axis=0) for curve in curves]
-        return inside | (np.min(nearest, axis=0) <= ON_EDGE * max(self.extent))
+            if isinstance(hole, polygons.Circle):
+                inside &= np.hypot(points[0] - hole.x, points[1] - hole.y) >= hole.radius
+        sides = [polygons.edge_distances(one, points) for one in (self.outline, *cutouts)]
+        return inside | (np.concatenate(sides).min(axis=0) <= ON_EDGE * max(self.extent))
 
     def angular_frequencies(self, n_modes: int) -> Array:
         """Return the first natural frequencies in rad/s, shape (n_modes,): ω = √(λ D / m)."""
@@ -185,9 +185,7 @@ def _find_modes(panel: Panel, n_modes: int) -> finite_elements.PlateModes:
 def _check_polygon(name: str, polygon: Sequence[polygons.Point]) -> None:
     if len(polygon) < 3 or not np.all(np.isfinite(np.asarray(polygon, float))):
         raise polygons.ShapeError(name, polygon, "at least 3 corners, of finite numbers")
-    corners = np.asarray(polygon, float)
-    box = float(np.max(np.ptp(corners, axis=0)))
-    if not polygons.is_simple(polygon) or abs(polygons.polygon_area(polygon)) < 1e-9 * box**2:
+    if not polygons.is_simple(polygon):
         raise polygons.ShapeError(name, polygon, "edges that meet at their common corners alone")
 
 

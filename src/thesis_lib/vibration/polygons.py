@@ -9,10 +9,8 @@ re-entrant corners, where bending moments are singular, are halved several times
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +18,7 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, IntArray, Mask
 
 if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
     from skfem import MeshTri
 
 
@@ -102,25 +101,14 @@ def polygon_moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
     return abs(whole), centre, square - centre**2
 
 
-def polygon_contains(polygon: ArrayLike, points: Array) -> Mask:
-    """Test whether points (2, n) lie in a polygon (corners, 2): count edges to their right.
+def polygon_contains(polygon: ArrayLike, points: Array, cutouts: Sequence[ArrayLike] = ()) -> Mask:
+    """Test whether points (2, n) lie inside a polygon (corners, 2) without its cutouts.
 
-    Of a point on an edge the answer may be either.
+    Points on an edge do not.
     """
-    corners = np.asarray(polygon, float)
-    x, y = points
-    (x0, y0), (x1, y1) = corners.T[:, :, None], np.roll(corners, -1, axis=0).T[:, :, None]
-    between = (y0 > y) != (y1 > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        right = x < x0 + (y - y0) / (y1 - y0) * (x1 - x0)
-    return np.sum(between & right, axis=0) % 2 == 1
+    import shapely  # takes longer than all else that is imported here
 
-
-def in_hole(hole: Hole, points: Array) -> Mask:
-    """Test whether points (2, n) lie in a hole."""
-    if isinstance(hole, Circle):
-        return np.hypot(points[0] - hole.x, points[1] - hole.y) < hole.radius
-    return polygon_contains(hole, points)
+    return shapely.contains_xy(shapely.Polygon(polygon, cutouts), *points)
 
 
 def edge_distances(polygon: ArrayLike, points: Array) -> Array:
@@ -133,70 +121,45 @@ def edge_distances(polygon: ArrayLike, points: Array) -> Array:
     return np.hypot(foot[:, 0], foot[:, 1])
 
 
-def is_simple(polygon: Sequence[Point]) -> bool:
-    """Test whether no two edges of a polygon meet but neighbours at their common corner."""
-    sides = [(np.array(a, float), np.array(b, float)) for a, b in polygon_edges(polygon)]
-    n = len(sides)
-    folded = any(
-        _cross(b - a, c - b) == 0 and np.dot(b - a, c - b) <= 0
-        for (a, b), (_, c) in zip(sides, sides[1:] + sides[:1], strict=True)
-    )
-    apart = [(i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)]
-    return not folded and not any(segments_meet(*sides[i], *sides[j]) for i, j in apart)
-
-
-def _cross(a: Array, b: Array) -> float:
-    return float(a[0] * b[1] - a[1] * b[0])
-
-
-def segments_meet(a: Array, b: Array, c: Array, d: Array) -> bool:
-    """Test whether the segments ab and cd have a point in common."""
-    turns = [_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c)]
-    if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
-        return True
-    return any(
-        turn == 0 and np.dot(p - s, p - e) <= 0
-        for turn, p, s, e in zip(turns, (c, d, a, b), (a, a, c, c), (b, b, d, d), strict=True)
-    )
-
-
 def polygon_edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
     """Return pairs of corners: each and the next, and the last and the first."""
     return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
 
 
+MIN_GAP_RATIO = 1e-9  # least gap over a boundary's length or radius; less comes from rounding
+
+
+def is_simple(polygon: Sequence[Point]) -> bool:
+    """Test whether no two edges of a polygon meet but neighbours at their common corner."""
+    import shapely
+
+    ring = shapely.LinearRing(polygon)
+    clear = ring.minimum_clearance > MIN_GAP_RATIO * ring.length  # of corners that differ
+    return bool(clear and ring.is_simple) and len(set(polygon)) == len(polygon)
+
+
 def is_within(hole: Hole, outline: Sequence[Point]) -> bool:
     """Test whether a hole lies in a polygon and does not touch its edges."""
-    if isinstance(hole, Circle):
-        centre = np.array([[hole.x], [hole.y]])
-        away = np.all(edge_distances(outline, centre) > hole.radius)
-        return bool(polygon_contains(outline, centre)[0] and away)
-    inside = bool(np.all(polygon_contains(outline, np.array(hole).T)))
-    return inside and not _edges_meet(hole, outline)
+    import shapely
+
+    region, (core, reach) = shapely.Polygon(outline), _split_hole(hole)
+    return bool(region.contains(core) and region.exterior.distance(core) > reach)
 
 
 def are_apart(one: Hole, other: Hole) -> bool:
     """Test whether two holes have no point in common."""
-    if isinstance(one, Circle) and isinstance(other, Circle):
-        return math.hypot(one.x - other.x, one.y - other.y) > one.radius + other.radius
-    if isinstance(one, Circle):
-        centre = np.array([[one.x], [one.y]])
-        outside = not in_hole(other, centre)[0]
-        assert not isinstance(other, Circle)
-        return bool(outside and np.all(edge_distances(other, centre) > one.radius))
-    if isinstance(other, Circle):
-        return are_apart(other, one)
-    pairs = (one, other), (other, one)
-    nested = any(polygon_contains(a, np.array(b[:1]).T)[0] for a, b in pairs)
-    return not nested and not _edges_meet(one, other)
+    (core, reach), (other_core, other_reach) = _split_hole(one), _split_hole(other)
+    return bool(core.distance(other_core) > reach + other_reach)
 
 
-def _edges_meet(one: Sequence[Point], other: Sequence[Point]) -> bool:
-    """Test whether two polygons' edges meet anywhere."""
-    return any(
-        segments_meet(*map(np.array, edge), *map(np.array, edge_))
-        for edge, edge_ in product(polygon_edges(one), polygon_edges(other))
-    )
+def _split_hole(hole: Hole) -> tuple[BaseGeometry, float]:
+    """Return a hole's polygon or centre, and the distance in m within which it is touched."""
+    import shapely
+
+    if isinstance(hole, Circle):
+        return shapely.Point(hole.x, hole.y), hole.radius * (1 + MIN_GAP_RATIO)
+    polygon = shapely.Polygon(hole)
+    return polygon, MIN_GAP_RATIO * polygon.length
 
 
 MIN_CIRCLE_PIECES = 24  # least number of pieces of a circle
@@ -271,11 +234,7 @@ def triangulate_polygon(
     loops = [_cut_polygon(outline, size), *(divide_hole(hole, size) for hole in holes)]
     points = _place_points(outline, holes, size, loops)
     corners = Delaunay(points.T).simplices
-    middle = points[:, corners].mean(axis=2)
-    kept = polygon_contains(loops[0], middle)
-    for loop in loops[1:]:
-        kept &= ~polygon_contains(loop, middle)
-    corners = corners[kept]
+    corners = corners[polygon_contains(loops[0], points[:, corners].mean(axis=2), loops[1:])]
     twice = _twice_areas(points, corners)
     real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
     corners = np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]  # all in one sense

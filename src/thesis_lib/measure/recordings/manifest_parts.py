@@ -447,8 +447,7 @@ class Radiation(Fields):
                 "tell how the surface between them moves",
             )
         if isinstance(self.outline_mm, tuple):
-            simple = 3 <= len(self.outline_mm) <= 200 and polygons.is_simple(self.outline_mm)
-            if not simple or abs(polygons.polygon_area(self.outline_mm)) == 0:
+            if not (3 <= len(self.outline_mm) <= 200 and polygons.is_simple(self.outline_mm)):
                 self._refuse(
                     "outline_mm", "allowed: 3 to 200 corners [x, y] whose edges do not cross"
                 )
