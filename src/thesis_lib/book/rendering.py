@@ -333,10 +333,7 @@ def print_page(browser: str, page: Path, style: Path, pdf: Path) -> None:
     from pypdf import PdfWriter
     from pypdf.generic import NameObject, TextStringObject, TreeObject
 
-    with (
-        sync_playwright() as p,
-        p.chromium.launch(executable_path=browser, args=["--disable-gpu"]) as chromium,
-    ):
+    with sync_playwright() as p, p.chromium.launch(executable_path=browser) as chromium:
         opened = chromium.new_page(offline=True, color_scheme="light")
         opened.goto(page.resolve().as_uri(), timeout=300_000)
         opened.evaluate("() => window.MathJax?.startup?.promise")
