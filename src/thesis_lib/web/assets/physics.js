@@ -132,21 +132,18 @@ export function deflectionVariance(P, rest, deflected, restIsKnown = false) {
 }
 
 // --- vision/simulation.py
-// Heights of points that cameras with whole pixels measure, by their exact images, with the pixel
-// grids shifted (null: the nominal run); from points that are `given`, if any.
-function measureHeights(P, images, shifts, given) {
-  const count = images.length / (P.length / 6);
-  const shiftOf = (i) => (shifts ? shifts[Math.floor(i / count)] : 0);
-  const pixels = pixelate(images.map((u, i) => u + shiftOf(i))).map((u, i) => u - shiftOf(i));
-  const points = triangulate(P, pixels, given);
-  return Float64Array.from({ length: count }, (_, p) => points[3 * p + 2]);
-}
-
-// Deflections that they measure; `deflected` may hold the markers several times, once for each mode.
-export function measureDeflections(P, rest, deflected, shifts = null, restIsKnown = false) {
-  const heights = (points) => measureHeights(P, project(P, points), shifts);
-  const low = restIsKnown ? rest.filter((_, i) => i % 3 === 2) : heights(rest);
-  return heights(deflected).map((high, p) => high - low[p % low.length]);
+// Deflections that cameras with whole pixels measure, with their pixel grids shifted (null: the
+// nominal run). `deflected` may hold the markers several times, once for each mode; `near` starts
+// the search at the true points, which takes fewer steps.
+export function measureDeflections(P, rest, deflected, shifts, restIsKnown = false, near = false) {
+  const heightsOf = (points) => points.filter((_, i) => i % 3 === 2);
+  function measureHeights(points) {
+    const count = points.length / 3, pixels = pixelate(project(P, points, shifts));
+    const images = shifts ? pixels.map((u, i) => u - shifts[Math.floor(i / count)]) : pixels;
+    return heightsOf(triangulate(P, images, near ? points : null));
+  }
+  const low = restIsKnown ? heightsOf(rest) : measureHeights(rest);
+  return measureHeights(deflected).map((high, p) => high - low[p % low.length]);
 }
 
 // Point, mean (rms) and largest error in % of the largest reference deflection (eq. 3.22, 3.23).
@@ -182,12 +179,8 @@ export function simulateSetting(setting, structure, shapes) {
   const count = references[0].length, rest = worldPoints(structure, Array(count).fill(0));
   const points = references.map((reference) => worldPoints(structure, reference));
   const all = Float64Array.from(points.flatMap((one) => [...one])), before = project(P, rest);
-  const seen = known ? all : Float64Array.from([...rest, ...all]), exact = project(P, seen);
+  const measure = (shifts, near) => measureDeflections(P, rest, all, shifts, known, near);
   const part = (values, m) => values.subarray(m * count, (m + 1) * count);
-  function measure(shifts, given) { // as measureDeflections, but projected once
-    const found = measureHeights(P, exact, shifts, given);
-    return found.subarray(known ? 0 : count).map((z, p) => z - (known ? 0 : found[p % count]));
-  }
   const measured = measure(offset ? new Float64Array(2 * cameras.length).fill(offset) : null);
   const modes = references.map((reference, m) => {
     const variance = deflectionVariance(P, rest, points[m], known), images = project(P, points[m]);
@@ -200,8 +193,8 @@ export function simulateSetting(setting, structure, shapes) {
       predicted: 100 * Math.sqrt(mean) / Math.max(...reference.map(Math.abs)),
     };
   });
-  function draw() { // from where the markers are
-    const drawn = measure(shiftsOf(modes[0].means.length, cameras.length, offset), seen);
+  function draw() {
+    const drawn = measure(shiftsOf(modes[0].means.length, cameras.length, offset), true);
     modes.forEach(({ reference, means, peaks }, m) => {
       const { mean, largest } = percentErrors(part(drawn, m), reference);
       means.push(mean);
