@@ -3,83 +3,73 @@
 (() => {
   const { element, button, dialog } = window.thesisBook;
   const MOST = 12, STEP = 1.4;
-  const phone = matchMedia("screen and (max-width: 600px)");
-  let show = (image) => { // the dialog is built when it is first wanted
-    show = createZoom();
-    show(image);
+  const phone = matchMedia("screen and (max-width: 600px)"), fingers = new Map();
+  let content = null, scale = 1, fit = () => 1; // px at which the content fits the window
+
+  const box = dialog("tl-zoom", "Figure"), caption = element("p", "tl-zoom-caption");
+  const spread = () => {
+    const [a, b] = [...fingers.values()];
+    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
   };
-
-  function createZoom() {
-    const box = dialog("tl-zoom", "Figure");
-    const view = element("div", { className: "tl-zoom-view", tabIndex: 0, role: "group",
-      ariaLabel: "Figure: plus and minus change its size, arrows move it" });
-    const caption = element("p", "tl-zoom-caption");
-    let content = null, scale = 1, fit = () => 1; // px at which the content fits the window
-    // Sizes, not transforms: drawings are drawn again at each size, and so stay sharp.
-    const zoom = (to, x = view.clientWidth / 2, y = view.clientHeight / 2) => {
-      const next = Math.min(MOST, Math.max(1, to)), grown = next / scale;
-      const [left, top] = [(view.scrollLeft + x) * grown - x, (view.scrollTop + y) * grown - y];
-      scale = next;
-      content.style.width = `${scale * fit()}px`;
-      view.scrollTo(left, top);
-    };
-    const tools = [["−", "Smaller", () => zoom(scale / STEP)], ["+", "Larger", () => zoom(scale * STEP)],
-      ["fit", "Fit the window", () => zoom(1)], ["close", "Close", () => box.close()]];
-    const buttons = tools.map(([words, ariaLabel, act]) => button("", words, act, { ariaLabel }));
-    box.append(element("div", "tl-zoom-tools", ...buttons), view, caption);
-
-    view.addEventListener("wheel", (event) => {
+  const lift = (event) => fingers.delete(event.pointerId);
+  const view = element("div", { className: "tl-zoom-view", tabIndex: 0, role: "group",
+    ariaLabel: "Figure: plus and minus change its size, arrows move it",
+    onwheel(event) {
       event.preventDefault();
       const { left, top } = view.getBoundingClientRect();
       zoom(scale * Math.exp(-event.deltaY / 400), event.clientX - left, event.clientY - top);
-    }, { passive: false });
-    const fingers = new Map();
-    const spread = () => {
-      const [a, b] = [...fingers.values()];
-      return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
-    };
-    view.addEventListener("pointerdown", (event) => {
+    },
+    onpointerdown(event) {
       view.setPointerCapture(event.pointerId);
       fingers.set(event.pointerId, event);
-    });
-    view.addEventListener("pointermove", (event) => {
+    },
+    onpointermove(event) {
       const last = fingers.get(event.pointerId);
       if (!last) return;
       const before = fingers.size === 2 ? spread() : 0;
       fingers.set(event.pointerId, event);
       if (before) zoom(scale * spread() / before);
       else view.scrollBy(last.clientX - event.clientX, last.clientY - event.clientY);
-    });
-    for (const end of ["pointerup", "pointercancel"])
-      view.addEventListener(end, (event) => fingers.delete(event.pointerId));
-    box.addEventListener("keydown", (event) => {
-      const to = { "+": scale * STEP, "=": scale * STEP, "-": scale / STEP, 0: 1 }[event.key];
-      if (!to) return;
-      zoom(to);
-      event.preventDefault();
-    });
-    addEventListener("resize", () => box.open && zoom(scale));
+    },
+    onpointerup: lift, onpointercancel: lift });
+  const tools = [["−", "Smaller", () => zoom(scale / STEP)], ["+", "Larger", () => zoom(scale * STEP)],
+    ["fit", "Fit the window", () => zoom(1)], ["close", "Close", () => box.close()]];
+  const buttons = tools.map(([words, ariaLabel, act]) => button("", words, act, { ariaLabel }));
+  box.append(element("div", "tl-zoom-tools", ...buttons), view, caption);
+  box.addEventListener("keydown", (event) => {
+    const to = { "+": scale * STEP, "=": scale * STEP, "-": scale / STEP, 0: 1 }[event.key];
+    if (!to) return;
+    zoom(to);
+    event.preventDefault();
+  });
+  addEventListener("resize", () => box.open && zoom(scale));
 
-    // On a phone the panels stay one below the other, each twice as wide as in the page.
-    return (image) => {
-      const panels = phone.matches && image.closest(".tl-frame").querySelector(".tl-panels");
-      const widths = (panels ? [...panels.children] : [image]).map((one) => one.clientWidth);
-      const widest = Math.max(...widths);
-      content = (panels || image).cloneNode(true);
-      Object.assign(content, panels ? { role: "img", ariaLabel: image.alt }
-        : { className: "", draggable: false });
-      if (panels) [...content.children].forEach((panel, i) => {
-        panel.style.width = `${100 * widths[i] / widest}%`;
-      });
-      const ratio = image.naturalWidth / image.naturalHeight || 1;
-      fit = () => Math.min(view.clientWidth, panels ? Infinity : view.clientHeight * ratio);
-      caption.textContent = image.closest("figure")?.querySelector(".caption-text")?.textContent ?? "";
-      view.replaceChildren(content);
-      box.showModal();
-      zoom(phone.matches ? 2 * widest / fit() : 1);
-      view.scrollTo(0, 0);
-      view.focus();
-    };
+  // Sizes, not transforms: drawings are drawn again at each size, and so stay sharp.
+  function zoom(to, x = view.clientWidth / 2, y = view.clientHeight / 2) {
+    const next = Math.min(MOST, Math.max(1, to)), grown = next / scale;
+    const [left, top] = [(view.scrollLeft + x) * grown - x, (view.scrollTop + y) * grown - y];
+    scale = next;
+    content.style.width = `${scale * fit()}px`;
+    view.scrollTo(left, top);
+  }
+  // On a phone the panels stay one below the other, each twice as wide as in the page.
+  function show(image) {
+    const panels = phone.matches && image.closest(".tl-frame").querySelector(".tl-panels");
+    const widths = (panels ? [...panels.children] : [image]).map((one) => one.clientWidth);
+    const widest = Math.max(...widths), ratio = image.naturalWidth / image.naturalHeight || 1;
+    content = (panels || image).cloneNode(true);
+    Object.assign(content, panels ? { role: "img", ariaLabel: image.alt }
+      : { className: "", draggable: false });
+    if (panels) [...content.children].forEach((panel, i) => {
+      panel.style.width = `${100 * widths[i] / widest}%`;
+    });
+    fit = () => Math.min(view.clientWidth, panels ? Infinity : view.clientHeight * ratio);
+    caption.textContent = image.closest("figure")?.querySelector(".caption-text")?.textContent ?? "";
+    view.replaceChildren(content);
+    box.showModal();
+    zoom(phone.matches ? 2 * widest / fit() : 1);
+    view.scrollTo(0, 0);
+    view.focus();
   }
 
   for (const image of document.querySelectorAll(".bd-article :is(figure, .cell_output) img")) {
