@@ -32,6 +32,7 @@ const SORTS = {
   ratio: (a, b) => a.ratio - b.ratio,
 };
 
+const columnOf = (order) => order.replace(/^-/, "");
 const plain = (words) => words.replace(/\s+/g, " ").trim().toLowerCase(); // also of no-break spaces
 
 function link(words, href) {
@@ -92,45 +93,44 @@ function render({ model, el }) {
   const heads = {};
   const more = button("", { class: "tl-ledger-fold", "aria-expanded": false }, () => { unfolded = !unfolded; apply(); });
   let claims = [], folded = new Set(), unfolded = false; // the last ones, and whether they are shown
-  let table = null, linked = null, sorted = { column: null, sign: 1 };
+  let table = null, linked = null, sorted = "";
 
   // --- what is shown
   function apply() {
-    const { search, ...filters } = chosen(), wanted = plain(search);
-    const counts = Object.fromEntries(VERDICTS.map((verdict) => [verdict, 0]));
-    const all = unfolded || Boolean(wanted) || Object.values(filters).some(Boolean);
-    let shown = 0, uncounted = 0, extra = false;
-    for (const claim of claims) {
-      const { row, body, text, values } = claim;
-      const fits = (all || !folded.has(claim)) && text.includes(wanted) &&
-        Object.values(filters).every((value, i) => !value || values[i].includes(value));
-      body.hidden = !fits && claim !== linked;
-      if (body.hidden) continue;
-      shown += 1;
-      extra ||= !fits;
-      if (row.counted) counts[row.verdict] += 1; else uncounted += 1;
-    }
+    const { search, ...filters } = chosen(), wanted = plain(search), choices = Object.values(filters);
+    const all = unfolded || Boolean(wanted) || choices.some(Boolean);
+    const fits = claims.filter((claim) => (all || !folded.has(claim)) && claim.text.includes(wanted) &&
+      choices.every((value, i) => !value || claim.values[i].includes(value)));
+    const shown = new Set(linked ? [...fits, linked] : fits);
+    for (const claim of claims) claim.body.hidden = !shown.has(claim);
+    const counted = [...shown].filter(({ row }) => row.counted), others = shown.size - counted.length;
     more.hidden = !folded.size || (all && !unfolded);
     more.textContent = `${unfolded ? "Hide" : "Show"} ${folded.size} counts and roots that no total counts`;
     fill(more, { "aria-expanded": unfolded });
-    const parts = VERDICTS.map((one) => `${counts[one]} ${counts[one] === 1 ? one : WORDS[one] ?? one}`);
-    count.textContent = `${shown} of ${claims.length} shown: ${parts.join(", ")}` +
-      (uncounted ? `; ${uncounted} not counted†` : "") + (extra ? "; one is shown by its link" : "");
+    const parts = VERDICTS.map((one) => {
+      const number = counted.filter(({ row }) => row.verdict === one).length;
+      return `${number} ${number === 1 ? one : WORDS[one] ?? one}`;
+    });
+    count.textContent = `${shown.size} of ${claims.length} shown: ${parts.join(", ")}` +
+      (others ? `; ${others} not counted†` : "") +
+      (shown.size > fits.length ? "; one is shown by its link" : "");
   }
   function change() { // by the reader: the linked claim is no longer an exception
     unlink();
     apply();
   }
-  function sort(column, sign) {
-    sorted = { column, sign };
-    const order = [...claims], missing = ({ row }) => column === "ratio" && row.ratio == null;
-    if (column) order.sort((a, b) => missing(a) - missing(b) || (sign * SORTS[column](a.row, b.row) || 0));
-    table.append(...order.map(({ body }) => body));
+  function sort(order) { // by a column, "-" before its name from the last to the first; "": as given
+    sorted = order;
+    const column = columnOf(order), sign = column === order ? 1 : -1;
+    const missing = ({ row }) => column === "ratio" && row.ratio == null;
+    const those = column ? claims.toSorted((a, b) =>
+      missing(a) - missing(b) || sign * SORTS[column](a.row, b.row)) : claims;
+    table.append(...those.map(({ body }) => body));
     for (const [name, head] of Object.entries(heads))
       head.setAttribute("aria-sort", name !== column ? "none" : sign > 0 ? "ascending" : "descending");
   }
   const nextSort = (name) => // up, down, as given
-    sorted.column !== name ? [name, 1] : sorted.sign > 0 ? [name, -1] : [null, 1];
+    sorted === name ? `-${name}` : sorted === `-${name}` ? "" : name;
 
   // --- the address: ?chapter=3&verdict=differs for the filters, #claim-… for one claim
   function readAddress() { // what is unknown is ignored
@@ -138,14 +138,13 @@ function render({ model, el }) {
       const box = form.elements[name], value = asked(name) ?? "";
       if (!box.options || [...box.options].some((option) => option.value === value)) box.value = value;
     }
-    const [, down, column] = /^(-?)(\w+)$/.exec(asked("sort") ?? "") ?? [];
-    if (Object.hasOwn(SORTS, column ?? "")) sort(column, down ? -1 : 1);
+    const order = asked("sort") ?? "";
+    if (Object.hasOwn(SORTS, columnOf(order))) sort(order);
   }
   function writeAddress() {
     if (!onPage) return;
-    const sort = sorted.column ? `${sorted.sign < 0 ? "-" : ""}${sorted.column}` : "";
     const isOld = !linked && location.hash.startsWith("#claim-");
-    const values = Object.entries({ ...chosen(), sort });
+    const values = Object.entries({ ...chosen(), sort: sorted });
     keep(Object.fromEntries(values.map(([name, value]) => [name, value || null])),
       isOld ? "" : location.hash);
   }
@@ -177,15 +176,15 @@ function render({ model, el }) {
       html("select", {}, options([["", "all"], ...values.map((value) => [value, value])])));
   }
   function head([name, label]) {
-    const node = html("th", { role: "columnheader", class: `tl-ledger-${name}`, "data-label": label });
-    node.append(SORTS[name] ? button(label, {}, () => { sort(...nextSort(name)); writeAddress(); }) : html("span", {}, label));
-    if (SORTS[name]) fill(heads[name] = node, { "aria-sort": "none" });
-    return node;
+    const names = { role: "columnheader", class: `tl-ledger-${name}`, "data-label": label };
+    if (!SORTS[name]) return html("th", names, html("span", {}, label));
+    const press = () => { sort(nextSort(name)); writeAddress(); };
+    return heads[name] = html("th", { ...names, "aria-sort": "none" }, button(label, {}, press));
   }
   function build() {
     const rows = model.get("data").rows ?? [];
     linked = null;
-    sorted = { column: null, sign: 1 };
+    sorted = "";
     const most = (name) => Math.min(3, Math.max(0, ...rows.map((row) => /^\d*/.exec(row[name])[0].length)));
     const widest = { stated: most("stated"), got: most("got") };
     claims = rows.map((row) => claimOf(row, widest));
@@ -195,7 +194,7 @@ function render({ model, el }) {
       control("search", "Search", html("input", { type: "search" })),
       button("Reset", {}, () => {
         form.reset();
-        sort(null, 1);
+        sort("");
         change();
         writeAddress();
       }), ...(onPage ? linkButton(writeAddress) : []));
