@@ -191,7 +191,7 @@ def test_bars_stand_at_their_errors_and_best_and_worst_go_by_the_median(chromium
 
 def colours(viewer, testid):
     """Fill of each cell of a map, the first row of markers first."""
-    script = "e => [...e.querySelectorAll('.tl-cells rect')].map(c => c.getAttribute('fill'))"
+    script = "e => [...e.querySelectorAll('.tl-cells rect')].map(c => getComputedStyle(c).fill)"
     return viewer.get_by_test_id(testid).evaluate(script)
 
 

@@ -1,9 +1,7 @@
 // Panel (d): the mean error of each setting as a bar, or one per plane of the sound; point, pin,
 // walk.
 import { MARGIN, axes, spread } from "./chart.js";
-import { entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
-
-const MOVES = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
+import { ARROWS, entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
 
 export function createBars(panel, study, uid, highlight, remember) { // returns what draws them
   const hatched = (box) => svg("rect", { ...box, fill: `url(#${uid}-hatch)` });
@@ -85,7 +83,8 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     on("blur", () => { study.focused = null; });
     on("click", () => { study.pinned = study.pinned === i ? null : i; remember(); });
     on("keydown", (event) => {
-      const next = { Home: 0, End: -1 }[event.key] ?? i + MOVES[event.key];
+      const [right, up] = ARROWS[event.key] ?? [];
+      const next = { Home: 0, End: -1 }[event.key] ?? i + right - up;
       if (isNumber(next)) bars().at(next % bars().length).focus();
       else if (event.key === "Enter" || event.key === " ") bar.dispatchEvent(new Event("click"));
       else if (event.key === "Escape") study.pinned = null;

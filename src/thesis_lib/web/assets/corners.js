@@ -1,5 +1,5 @@
 // First frames of cameras, in which the structure's corners are clicked; the manifest's lines come out.
-import { ARROWS, button, clamp, copyButton, followDrag, html, svg } from "./parts.js";
+import { ARROWS, button, clamp, copyButton, fill, followDrag, html, path, placeIn, svg } from "./parts.js";
 
 const PLACES = ["(0, 0)", "(length, 0)", "(length, width)", "(0, width)"];
 const NEAR = 20; // px of the screen from which on a corner is taken hold of: a finger is no finer
@@ -19,12 +19,12 @@ const formatLine = ({ name, points }) =>
 
 function camera({ name, size: [width, height], image, corners }, changed) {
   const own = { name, points: corners ?? [], done: () => own.points.length === 4 && isConvex(own.points) };
-  const picture = html("img", { src: image, width, height, alt: `First frame of ${name}`,
-    draggable: "false", onload: () => draw() });
+  const alt = `First frame of ${name}`;
+  const picture = html("img", { src: image, width, height, alt, draggable: "false" });
   const outline = svg("polygon", {});
   const overlay = svg("svg", { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" }, outline);
-  const marks = PLACES.map((title, k) => html("button", { type: "button", title,
-    "data-testid": `${name}-${k + 1}`, "data-number": k + 1,
+  const marks = PLACES.map((title, k) => button("", { title, "data-number": k + 1,
+    "data-testid": `${name}-${k + 1}`,
     onfocus() { if (own.points[k]) { chosen = k; centre = own.points[k]; draw(); } },
     onkeydown(event) {
       const [x, y] = ARROWS[event.key] ?? [], by = event.shiftKey ? 10 : event.altKey ? 0.1 : 1;
@@ -33,8 +33,11 @@ function camera({ name, size: [width, height], image, corners }, changed) {
       put(k, [own.points[k][0] + by * x, own.points[k][1] - by * y]);
     } }));
   const frame = html("div", { class: "tl-frame", "data-testid": `${name}-frame` }, picture, overlay, ...marks);
-  const lens = html("canvas", { width: LENS, height: LENS, class: "tl-lens", role: "img",
-    "aria-label": `Magnified part of the first frame of ${name}`, "data-testid": `${name}-lens` });
+  const lens = svg("svg", { class: "tl-lens", role: "img", "data-testid": `${name}-lens`,
+    "aria-label": `Magnified part of the first frame of ${name}` });
+  const magnified = svg("image", { href: image, width, height });
+  const cross = ([u, v], k) => path(k === chosen ? "tl-chosen" : "",
+    `M${u + 0.5} ${v}h2.25M${u - 0.5} ${v}h-2.25M${u} ${v + 0.5}v2.25M${u} ${v - 0.5}v-2.25`);
   const says = html("p", { role: "status" });
   const add = button("Put the next corner into the middle", {}, () => {
     put(own.points.length, [width / 2, height / 2]);
@@ -58,6 +61,7 @@ function camera({ name, size: [width, height], image, corners }, changed) {
       mark.setAttribute("aria-label", `Corner ${k + 1} at ${PLACES[k]}: ${u.toFixed(1)}, ${v.toFixed(1)} px`);
       mark.classList.toggle("tl-chosen", k === chosen);
     });
+    lens.replaceChildren(magnified, ...own.points.map(cross));
     outline.setAttribute("points", own.points.map((point) => point.join(",")).join(" "));
     outline.classList.toggle("tl-wrong", count === 4 && !own.done());
     says.textContent = count < 4 ? `Click corner ${count + 1}, at ${PLACES[count]}.`
@@ -67,23 +71,9 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     magnify();
     changed();
   }
-  function magnify() { // what lies around the place that is looked at
-    const pen = lens.getContext("2d"), side = LENS / ZOOM;
-    const [left, top] = centre.map((value) => value - side / 2);
-    pen.imageSmoothingEnabled = false;
-    pen.fillRect(0, 0, LENS, LENS);
-    pen.drawImage(picture, left, top, side, side, 0, 0, LENS, LENS);
-    pen.lineWidth = 1.5;
-    own.points.forEach(([u, v], k) => {
-      const x = (u - left) * ZOOM, y = (v - top) * ZOOM;
-      pen.strokeStyle = k === chosen ? "#ff8c1a" : "#4da3ff";
-      pen.beginPath();
-      for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
-        pen.moveTo(x + 4 * dx, y + 4 * dy);
-        pen.lineTo(x + 22 * dx, y + 22 * dy);
-      }
-      pen.stroke();
-    });
+  function magnify() { // the surroundings of the place that is looked at
+    const side = LENS / ZOOM, corner = centre.map((value) => value - side / 2);
+    fill(lens, { viewBox: [...corner, side, side].join(" ") });
   }
   function put(k, [u, v], follow = true) { // never beyond the picture
     own.points[k] = [clamp(u, [0, width]), clamp(v, [0, height])];
@@ -98,13 +88,10 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     marks[chosen].focus();
   }
   const scale = () => width / picture.getBoundingClientRect().width;
-  function at(event) {
-    const box = picture.getBoundingClientRect();
-    return [(event.clientX - box.left) * scale(), (event.clientY - box.top) * scale()];
-  }
-  followDrag(frame, (event) => {
+  const at = (place) => place.map((px) => px * scale());
+  followDrag(frame, (place, event) => {
     event.preventDefault();
-    const p = at(event), far = ([u, v]) => Math.hypot(u - p[0], v - p[1]);
+    const p = at(place), far = ([u, v]) => Math.hypot(u - p[0], v - p[1]);
     let k = own.points.length;
     if (k < 4) put(k, p); // corners of a narrow structure are near each other: none is taken hold of yet
     else k = own.points.reduce((best, point, i) => (far(point) < far(own.points[best]) ? i : best), 0);
@@ -115,16 +102,16 @@ function camera({ name, size: [width, height], image, corners }, changed) {
   }, release);
   frame.addEventListener("pointermove", (event) => {
     if (event.buttons || event.pointerType === "touch") return;
-    centre = at(event);
+    centre = at(placeIn(frame.getBoundingClientRect(), event));
     magnify();
   });
   frame.addEventListener("pointerleave", () => { centre = own.points[chosen] ?? centre; magnify(); });
-  followDrag(lens, (down) => {
-    down.preventDefault();
+  followDrag(lens, (down, event) => {
+    event.preventDefault();
     if (!own.points[chosen]) return null;
-    const still = centre, box = lens.getBoundingClientRect(), unit = LENS / ZOOM / box.width;
-    const to = (event) => put(chosen, [still[0] + (event.clientX - box.left - box.width / 2) * unit,
-      still[1] + (event.clientY - box.top - box.height / 2) * unit], false);
+    const still = centre;
+    const to = (place) =>
+      put(chosen, place.map((px, i) => still[i] + (px - LENS / 2 - 1) / ZOOM), false);
     to(down);
     return to;
   }, release);

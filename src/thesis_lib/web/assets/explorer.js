@@ -39,18 +39,17 @@ function setupOf(state, { setups, reading }) { // the thesis's setup that a stat
 }
 
 // --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, and ?s=beam&m=1&t=4a-6 for a setup of the
-// thesis; what is unknown or makes no sense is as `otherwise` has it
-function fromAddress(query, structures, otherwise = "") {
-  const given = new URLSearchParams(query), other = new URLSearchParams(otherwise);
-  const either = (key, allowed) =>
-    [given, other].map((one) => one.get(key)).find((value) => allowed.includes(value));
+// thesis; what is unknown or makes no sense is ignored
+function fromAddress(query, structures) {
+  const given = new URLSearchParams(query);
+  const among = (key, choices) => choices[Math.max(0, choices.indexOf(given.get(key)))];
   const number = (words) =>
     (/^-?\d+(\.\d+)?$/.test(words) ? Math.round(1000 * words) / 1000 : NaN);
-  const s = either("s", Object.keys(structures)) ?? "beam", { setups, reading } = structures[s];
+  const s = among("s", ["beam", "plate"]), { setups, reading } = structures[s];
   const named = (name) => setups.find(({ id }) => id === name?.replace("′", "'"));
-  const { id: t, d, w, c } = named(given.get("t")) ?? named(other.get("t")) ?? named(FIRST_SETUP);
-  const state = { s, m: Number(either("m", ["1", "2", "3"]) ?? 1), d, w, c, ...reading, t };
-  state.r = either("r", ["rebuilt", "known"]) ?? state.r;
+  const { id: t, d, w, c } = named(given.get("t")) ?? named(FIRST_SETUP);
+  const state = { s, m: Number(among("m", ["1", "2", "3"])), d, w, c, ...reading, t };
+  state.r = among("r", [reading.r, "rebuilt", "known"]);
   for (const key of ["a", "f", "d"]) {
     const value = number(given.get(key)), range = limits(state, structures[s])[key];
     state[key] = value === clamp(value, range) ? value : clamp(state[key], range);
@@ -103,22 +102,15 @@ const percent = (value) => (isNumber(value) ? `${show(value)}\u00a0%` : "–");
 const bandText = ([median, low, high]) =>
   (isNumber(median) ? `${show(median)} (${show(low)}–${show(high)})\u00a0%` : "–");
 
-function createTable() { // of errors: two rows of results and one of words for each
-  const names = ["literal", "band", "predicted", "published", "spread", "stated"];
-  const cells = ERRORS.map(() => names.map((name) =>
-    html("td", { class: `tl-ex-${name}`, colspan: name === "stated" ? 3 : null })));
-  const row = (words, those) => html("tr", {}, html("th", { scope: "row" }, words), those);
-  const head = [["nominal", "run"], ["random pixel grids", "median (5–95\u00a0%)"],
-    ["predicted", "by the law"]].map(([words, more]) =>
-    html("th", { scope: "col" }, words, html("small", {}, ` ${more}`)));
-  const node = html("table", {},
-    html("caption", {}, "Errors of the markers in % of their largest deflection"),
-    html("thead", {}, html("tr", {}, html("td"), head)),
-    ERRORS.map(([, words], i) => html("tbody", {}, row(words, cells[i].slice(0, 3)),
-      row("published", [...cells[i].slice(3, 5), html("td")]), row("thesis states", cells[i][5]))));
-  const put = (i, values) => cells[i].forEach((cell, n) => { cell.textContent = values[n]; });
-  return { node, put };
-}
+const HEADS = [["nominal", "run"], ["random pixel grids", "median (5–95\u00a0%)"],
+  ["predicted", "by the law"]];
+const createHead = () => [
+  html("caption", {}, "Errors of the markers in % of their largest deflection"),
+  html("thead", {}, html("tr", {}, html("td"), HEADS.map(([words, more]) =>
+    html("th", { scope: "col" }, words, html("small", {}, ` ${more}`)))))];
+const createRow = (words, cells) => html("tr", {}, html("th", { scope: "row" }, words),
+  Object.entries(cells).map(([name, value]) =>
+    html("td", { class: `tl-ex-${name}`, colspan: name === "stated" ? 3 : null }, value)));
 
 function render({ model: traits, el }) {
   const { structures, colors, colormap, sensor_width_mm: sensorWidth } = traits.get("data");
@@ -129,19 +121,16 @@ function render({ model: traits, el }) {
   let setup, built = {}, frame = 0, timer = 0, free = false;
   const app = { // what the view and the shapes need
     colormap, sensorWidth, update, remove, request, result: null,
-    state: fromAddress(query, structures, traits.get("address")),
+    state: fromAddress(query, structures),
     get structure() { return structures[app.state.s]; },
     tint: (i) => `--c: ${colors[i % colors.length]}`,
   };
   const view = createView(app), shapes = createShapes(app), image = createImage();
-  const motion = createMotion((phase) => {
-    view.move(phase);
-    image.show(phase);
-  });
+  const motion = createMotion([view.move, image.show]);
 
   // --- elements
   const controls = html("div", { class: "tl-controls" }), code = html("code");
-  const table = createTable();
+  const head = createHead(), table = html("table");
   const list = html("div", { class: "tl-ex-cameras", role: "group", "aria-label": "Cameras" });
   const status = html("p", { class: "tl-ex-status", role: "status" });
   const refusal = html("p", { class: "tl-ex-refused", role: "alert" });
@@ -153,7 +142,7 @@ function render({ model: traits, el }) {
     html("div", {}, view.node, motion.node, html("p", { class: "tl-ex-hint", id: uid }, HINT),
       html("div", { class: "tl-ex-beside" }, compact ? "" : image.node,
         html("div", {}, legend, list))),
-    html("div", {}, shapes.node, compact ? image.node : "", table.node, facts));
+    html("div", {}, shapes.node, compact ? image.node : "", table, facts));
   const root = html("section", { class: `tl-viewer tl-explorer${compact ? " tl-ex-compact" : ""}`,
     "aria-label": "Explorer of camera layouts" }, controls, refusal, status, columns, bottom);
   fill(view.node, { "aria-describedby": uid });
@@ -272,17 +261,18 @@ function render({ model: traits, el }) {
   function drawNumbers() {
     const { errors, predicted, means, peaks, inView, groundSampleDistance, moved } = app.result;
     const few = means.length < 20, bands = few ? [] : [means, peaks].map(bandOf);
-    [errors.mean, errors.largest].forEach((literal, i) => {
-      const [name] = ERRORS[i], published = setup?.errors[name][app.state.m - 1] ?? [];
-      table.put(i, [percent(literal), few ? "…" : bandText(bands[i]), i ? "" : percent(predicted),
-        percent(published[0]), bandText(published.slice(1)),
-        setup?.stated[name][app.state.m - 1] || "–"]);
-    });
+    table.replaceChildren(...head, ...[errors.mean, errors.largest].map((literal, i) => {
+      const [name, words] = ERRORS[i], published = setup?.errors[name][app.state.m - 1] ?? [];
+      return html("tbody", {}, createRow(words, { literal: percent(literal),
+        band: few ? "…" : bandText(bands[i]), predicted: i ? "" : percent(predicted) }),
+      createRow("published", { published: percent(published[0]),
+        spread: bandText(published.slice(1)), none: "" }),
+      createRow("thesis states", { stated: setup?.stated[name][app.state.m - 1] || "–" }));
+    }));
     const spread = few ? ""
       : ` (${show(bands[0][1])}–${show(bands[0][2])} % over random pixel grids)`;
     const words = `ean error ${percent(errors.mean)}${spread}; predicted ${percent(predicted)}`;
     const seen = show(Math.floor(1000 * inView) / 10);
-    root.dataset.cut = inView < 1; // what cameras do not see they do not measure
     const cut = [`Only ${seen} % of marker images are in view: move back or shorten the lens. `,
       html("span", {}, `Sensors large enough for all would give: m${words}.`)];
     status.replaceChildren(
@@ -350,7 +340,7 @@ function render({ model: traits, el }) {
   el.replaceChildren(root);
   tick();
   motion.watch(view.node, image.node);
-  const unfollow = followWidth(root, root, root.clientWidth, () => {
+  const unfollow = followWidth(root, () => {
     [view, shapes].forEach((one) => one.remeasure());
     app.result = null; // draws all again
     request();

@@ -2,10 +2,8 @@
 // hemisphere, and its shapes, curves along a beam or maps of a plate. `app` is what explorer.js
 // offers.
 import { axes } from "./chart.js";
-import { paletteOf, rgb, stepOf } from "./maps.js";
-import {
-  ARROWS, circle, clamp, fill, html, lines, mark, path, show, svg, text,
-} from "./parts.js";
+import { colourOf } from "./maps.js";
+import { ARROWS, circle, clamp, fill, html, lines, mark, path, show, svg, text } from "./parts.js";
 import { markers, modeShape } from "./physics.js";
 import { towards } from "./pinhole.js";
 import {
@@ -89,23 +87,16 @@ export function createView(app) {
     const degrees = (angle) => Math.round(angle / RAD / STEP) * STEP;
     turn(held.camera, degrees(Math.atan2(v[0], v[1])), degrees(Math.asin(clamp(v[2], [0, 1]))));
   }
-  function nearest(x, y) { // of cameras whose drawings may lie on each other
-    const away = (group) => {
-      const { left, top, width, height } = group.querySelector("circle").getBoundingClientRect();
-      return Math.hypot(x - left - width / 2, y - top - height / 2);
-    };
-    return [...cameras.children].reduce((a, b) => (away(b) < away(a) ? b : a));
-  }
-  turnable(node, sight, 0, app.request, (event) => {
-    const { clientX: x, clientY: y } = event;
-    const group = event.target.closest("[data-camera]") && nearest(x, y);
-    (group ?? node).focus({ preventScroll: true });
+  turnable(node, sight, 0, app.request, ([x, y], event) => {
+    const isCamera = event.target.closest("[data-camera]"), { flat, viewer } = orbitCameras();
+    const tips = app.state.c.map(towards), places = tips.map(flat);
+    const away = places.map(([u, v]) => Math.hypot(x - u, y - v)); // drawings may lie on each other
+    const camera = away.indexOf(Math.min(...away)), [tipX, tipY] = places[camera];
     event.preventDefault();
-    if (!group) return null;
-    const { flat, viewer } = orbitCameras(), camera = Number(group.dataset.camera);
-    const tip = towards(app.state.c[camera]), [tipX, tipY] = flat(tip);
-    const held = { camera, side: Math.sign(dot(tip, viewer)) || 1, beyond: false };
-    return (now) => place(held, now.clientX - x + tipX, now.clientY - y + tipY);
+    (isCamera ? cameras.children[camera] : node).focus({ preventScroll: true });
+    if (!isCamera) return null;
+    const held = { camera, side: Math.sign(dot(tips[camera], viewer)) || 1, beyond: false };
+    return ([nowX, nowY]) => place(held, nowX - x + tipX, nowY - y + tipY);
   });
   node.addEventListener("wheel", (event) => { // once the view has the focus: else the page scrolls
     if (!node.contains(document.activeElement) || !event.deltaY) return;
@@ -126,7 +117,7 @@ export function createView(app) {
 
 // --- the shapes: reference, measured, errors
 export function createShapes(app) {
-  const node = html("div", { class: "tl-ex-shapes" }), palette = paletteOf(app.colormap);
+  const node = html("div", { class: "tl-ex-shapes" });
   const drawing = (name, more) => svg("svg", { role: "img", "aria-label": name, ...more });
   let draw, width = 0; // of a chart in px
 
@@ -167,8 +158,7 @@ export function createShapes(app) {
       const canvas = drawing(`Map: ${name}`,
         { viewBox: `0 0 ${nx} ${ny}`, preserveAspectRatio: "none" });
       canvas.append(...cells);
-      // From the least, or from zero.
-      const colors = palette.filter((_, i) => i % 127 === 0 && (n < 2 || i)).map(rgb);
+      const colors = app.colormap.slice(n < 2 ? 0 : app.colormap.length >> 1); // errors: from zero
       const ends = [html("i"), html("i")];
       const bar = html("i", { style: `background: linear-gradient(90deg, ${colors})` });
       return { cells, ends, node: html("figure", {}, html("figcaption", {}, name), canvas,
@@ -181,7 +171,8 @@ export function createShapes(app) {
       [[reference, most, words], [measured, most, words], [point, limit, ["0", `${limit} %`]]]
         .forEach(([values, full, labels], n) => {
           const { cells, ends } = shown[n];
-          cells.forEach((cell, i) => fill(cell, { fill: rgb(palette[stepOf(values[i] || 0, full)]) }));
+          cells.forEach((cell, i) =>
+            fill(cell, { fill: colourOf(app.colormap, values[i] || 0, full) }));
           ends.forEach((end, i) => { end.textContent = labels[i]; });
         });
     };

@@ -1,8 +1,8 @@
 // A sound field on a plane above what vibrates, at any instant of the period: complex pressures at
 // its points, u-major.
-import { MIDDLE, createMap, paletteOf } from "./maps.js";
+import { channelsOf, createMap } from "./maps.js";
 import { createMotion } from "./motion.js";
-import { html, path } from "./parts.js";
+import { clamp, html, path } from "./parts.js";
 
 export function decode({ scale, re, im }) {
   const numbers = (code) => Int8Array.from(atob(code), (sign) => sign.charCodeAt(0));
@@ -12,10 +12,10 @@ export const amplitude = (field) => (field ? field.scale * field.re.reduce(
   (most, re, n) => Math.max(most, Math.hypot(re, field.im[n])), 0) : 0);
 // Plays the fields of a list, which may change, but only when it is asked to.
 export const playFields = (shown, colormap) => {
-  const colours = Uint32Array.from(paletteOf(colormap),
+  const colours = Uint32Array.from(colormap.map(channelsOf),
     ([red, green, blue]) => (255 << 24) | (blue << 16) | (green << 8) | red);
-  return createMotion((phase) =>
-    shown.forEach((one) => one.paint(colours, Math.cos(phase), Math.sin(phase))), false);
+  return createMotion([(phase) =>
+    shown.forEach((one) => one.paint(colours, Math.cos(phase), Math.sin(phase)))], false);
 };
 
 // A plane with axes in mm over a structure that reaches as far as `half`, and on it its field, or
@@ -39,10 +39,10 @@ export function createPressure(width, plane, half, field, most, heading, names, 
   const context = shown.getContext("2d"), image = context.createImageData(nu, nz);
   const pixels = new Uint32Array(image.data.buffer), { scale, re, im } = field;
   return { element, paint(colours, cos, sin) {
-    const factor = (scale * MIDDLE) / most;
+    const middle = colours.length >> 1, factor = (scale * middle) / most;
     for (let iz = nz - 1, at = 0; iz >= 0; iz--) for (let iu = 0; iu < nu; iu++, at++) { // from the top
-      const n = iu * nz + iz, step = Math.round(MIDDLE + factor * (re[n] * cos - im[n] * sin));
-      pixels[at] = colours[Math.max(0, Math.min(2 * MIDDLE, step))];
+      const n = iu * nz + iz, step = Math.round(middle + factor * (re[n] * cos - im[n] * sin));
+      pixels[at] = colours[clamp(step, [0, 2 * middle])];
     }
     context.putImageData(image, 0, 0);
   } };

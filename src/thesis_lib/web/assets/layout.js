@@ -4,9 +4,7 @@ import {
   asked, field, figure, fill, followWidth, heightOf, html, keep, linkButton, options, path, resize,
   select, svg, text, xy,
 } from "./parts.js";
-import {
-  RAD, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable,
-} from "./space.js";
+import { RAD, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable } from "./space.js";
 
 const COLUMNS = [ // of the table, with what stands in them
   ["azimuth", (row) => `${Number(row.azimuth_deg)}°`],
@@ -35,7 +33,7 @@ function render({ model, el }) {
     html("div", { class: "tl-controls" }, plans.length > 1 && field("Plan", which),
       field("Cameras", of), linkButton(remember)),
     words, panel.node, html("div", { class: "tl-scroll", tabindex: 0 }, table), link);
-  let width = 480, plan, option;
+  let plan, option;
 
   function remember() {
     keep({ plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 });
@@ -61,7 +59,8 @@ function render({ model, el }) {
   }
 
   function draw() { // the scale is that of the whole plan, so that its options compare
-    const height = heightOf(width) * (width < 420 ? 0.85 : 1.1), { centre, outline, markers } = plan;
+    const width = panel.node.clientWidth || 480, { centre, outline, markers } = plan;
+    const height = heightOf(width) * (width < 420 ? 0.85 : 1.1);
     const away = (place) => plus(place, times(centre, -1));
     const placesOf = (one) => rowsOf(one.table).map((row) =>
       away([row.x_mm / 1000, row.y_mm / 1000, row.z_mm / 1000]));
@@ -99,7 +98,7 @@ function render({ model, el }) {
   const named = given("option", those);
   which.value = first;
   choose(plans[first], named < 0 ? chosen : named);
-  return followWidth(root, panel.node, width, (now) => { width = now; draw(); });
+  followWidth(panel.node, draw);
 }
 
 export default { render };

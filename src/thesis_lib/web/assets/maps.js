@@ -1,22 +1,18 @@
 // Maps of signed values: one diverging scale centred on zero, axes in mm, a colour bar.
 import { clamp, fixed, html, path, svg, text, ticks, ticksBelow } from "./parts.js";
 
-export const MIDDLE = 127;
-const STEPS = 255; // odd: the middle one is zero
-
-export function paletteOf(colors) { // STEPS triples of red, green and blue between hex colours
-  const known = colors.map((one) => [1, 3, 5].map((at) => parseInt(one.slice(at, at + 2), 16)));
-  return Array.from({ length: STEPS }, (_, i) => {
-    const at = (i / (STEPS - 1)) * (known.length - 1);
-    const low = Math.min(Math.floor(at), known.length - 2), next = known[low + 1];
-    return known[low].map((value, n) => Math.round(value + (next[n] - value) * (at - low)));
-  });
+// Of a list of hexadecimal colours whose middle one is zero, that of a value; `most` is the last.
+export function colourOf(colormap, value, most) {
+  const middle = colormap.length >> 1;
+  return colormap[middle + clamp(Math.round((value / (most || 1)) * middle), [-middle, middle])];
 }
-export const stepOf = (value, most) =>
-  clamp(MIDDLE + Math.round((value / (most || 1)) * MIDDLE), [0, STEPS - 1]);
-export const rgb = (triple) => `rgb(${triple.join(",")})`;
+export const channelsOf = (colour) => // red, green and blue up to 255
+  [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
 // Luminance decides whether what lies on a colour is drawn dark or light.
-export const isDark = ([r, g, b]) => 0.3 * r + 0.59 * g + 0.11 * b < 128;
+export function isDark(colour) {
+  const [red, green, blue] = channelsOf(colour);
+  return 0.3 * red + 0.59 * green + 0.11 * blue < 128;
+}
 
 // How to write values up to `most`: very small and very large ones in powers of ten of their unit.
 export function scaleOf(most, unit) {
@@ -47,10 +43,10 @@ export function createMap(width, [left, right], [low, high], xTitle, yTitle) {
   return { node, x, y, unit, frame };
 }
 
-export function colourBar(id, palette, most, unit, words, width) {
+export function colourBar(id, colormap, most, unit, words, width) {
   const scale = scaleOf(most, unit), first = 14, end = width - 14, long = end - first;
-  const stops = palette.filter((_, i) => i % 2 === 0).map((triple, i, all) =>
-    svg("stop", { offset: i / (all.length - 1), "stop-color": rgb(triple) }));
+  const stops = colormap.map((colour, i) =>
+    svg("stop", { offset: i / (colormap.length - 1), "stop-color": colour }));
   const box = { x: first, y: 1, width: long, height: 10 }, limit = most / scale.factor;
   const numbers = ticks(-limit, limit, Math.min(5, long / 38));
   const at = (value) => first + ((value / limit + 1) / 2) * long;

@@ -1,7 +1,7 @@
 // A measured shape that moves in space, in colours by deflection, with the uncertainty of each
 // marker as a whisker. Front end of thesis_lib.measure.report.build in the form that static_html
 // runs.
-import { colourBar, paletteOf, rgb, stepOf } from "./maps.js";
+import { colourBar, colourOf } from "./maps.js";
 import { createMotion } from "./motion.js";
 import {
   circle, field, figure, fill, followWidth, html, lines, path, resize, svg, xy,
@@ -13,10 +13,10 @@ const STRONGEST = 3; // and what that may be multiplied by
 
 function render({ model, el }) {
   const { points, real, imag, error, faces, edges, frequency, colormap, outline } = model.get("data");
-  const view = { azimuth: 155, elevation: 28 }, palette = paletteOf(colormap);
+  const view = { azimuth: 155, elevation: 28 };
   const most = Math.max(...real.map((re, i) => Math.hypot(re, imag[i])));
   const extent = Math.max(...outline.map((place) => Math.hypot(...place)));
-  const motion = createMotion(move), panel = figure("a", svg("svg"), "");
+  const motion = createMotion([move]), panel = figure("a", svg("svg"), "");
   const strength = html("input", { type: "range", min: 0, max: STRONGEST, step: 0.05, value: 1,
     "data-testid": "strength", oninput: () => draw() });
   const whiskers = html("input", { type: "checkbox", checked: "", "data-testid": "whiskers",
@@ -28,16 +28,17 @@ function render({ model, el }) {
       "each instant; whiskers are two standard errors either way."),
     html("div", { class: "tl-controls" }, field("Drawn larger", strength),
       field("Whiskers (2 ±)", whiskers)), panel.node,
-    colourBar("tl-measured-scale", palette, most, "mm", "deflection", 260), motion.node);
+    colourBar("tl-measured-scale", colormap, most, "mm", "deflection", 260), motion.node);
   const scene = svg("g"), shape = svg("g", { class: "tl-measured-shape" });
-  let width = 480, at = (i, w) => [i, w], phase = 0;
+  let at = (i, w) => [i, w], phase = 0;
   const polygons = faces.map(() => path("tl-face", "")), bars = edges.map(() => path("tl-mesh", ""));
   const errors = points.map(() => path("tl-whisker", ""));
   const dots = points.map(() => circle("tl-dot", 0, 0, 3.2));
   const mean = (list, of) => list.reduce((sum, i) => sum + of(i), 0) / list.length;
-  const tint = (w) => rgb(palette[stepOf(w, most)]);
+  const tint = (w) => colourOf(colormap, w, most);
 
   function draw() { // what only turning and the width change
+    const width = panel.node.clientWidth || 480;
     const height = Math.max(220, Math.round(width * 0.5) - 40);
     const tall = 2 * extent * Math.abs(Math.sin(view.elevation * RAD)) + 2 * RISE * extent;
     const unit = Math.min((width - 40) / (2 * extent), (height - 50) / tall);
@@ -80,8 +81,7 @@ function render({ model, el }) {
   motion.watch(panel.node);
   el.replaceChildren(root);
   draw();
-  const unfollow = followWidth(root, panel.node, width, (now) => { width = now; draw(); });
-  return () => { unfollow(); motion.stop(); };
+  followWidth(panel.node, draw);
 }
 
 export default { render };

@@ -1,32 +1,30 @@
 // What vibrates: a slowed period that plays, pauses and is set by hand, and what one camera sees of
 // it.
-import { fill, html, icon, path, select, show } from "./parts.js";
+import { button, fill, html, icon, options, path, select, show } from "./parts.js";
 import { inView, pixelate, project } from "./pinhole.js";
 
 const PERIOD = 2400; // ms of a period on the screen, at speed 1
 const SPEEDS = [[0.25, "¼ ×"], [0.5, "½ ×"], [1, "1 ×"], [2, "2 ×"]];
 
-// Calls draw(phase) with the phase in rad, in each frame while it plays. It plays by itself if
-// `unasked`, but not for who wants no movement; nowhere while it is out of sight, and in print it
-// stands at its largest deflection.
-export function createMotion(draw, unasked = true) {
+// Calls each of the functions `draws` with the phase in rad, in each frame while it plays. It plays
+// by itself if `unasked`, but not for readers who want no movement; nowhere while it is out of sight,
+// and in print it stands at its largest deflection.
+export function createMotion(draws, unasked = true) {
   const [still, print] = ["(prefers-reduced-motion: reduce)", "print"].map((one) => matchMedia(one));
-  const button = html("button", { type: "button", class: "tl-play", "data-testid": "play",
-    onclick: () => play(!wanted) });
+  const player = button("", { class: "tl-play", "data-testid": "play" }, () => play(!wanted));
   const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase",
     oninput() { play(false); put(Number(slider.value)); } });
   const speed = select(SPEEDS, { "data-testid": "speed" }, tellSpeed, 1), visible = new Set();
   const degrees = html("span", { "aria-hidden": "true" }), slowed = html("span", { class: "tl-slowed" });
-  const node = html("div", { class: "tl-time" }, button,
+  const node = html("div", { class: "tl-time" }, player,
     html("div", { class: "tl-phase" }, html("label", {}, "phase ωt", slider), degrees),
     html("label", { class: "tl-speed" }, "speed", speed), slowed);
   let phase = 0, wanted = false, frame = 0, hertz = 0; // degrees
 
-  const redraw = () => draw((phase * Math.PI) / 180);
+  const redraw = () => draws.forEach((draw) => draw((phase * Math.PI) / 180));
   function put(angle) {
-    const before = Math.round(phase), now = Math.round(angle);
     phase = angle;
-    if (now !== before) tell();
+    tell();
     redraw();
   }
   function tell() {
@@ -38,19 +36,15 @@ export function createMotion(draw, unasked = true) {
     const times = show((hertz * PERIOD) / 1000 / speed.value);
     slowed.textContent = hertz ? `slowed ${times} times` : "";
   }
-  function step(now, before) {
-    put((phase + ((now - before) / PERIOD) * speed.value * 360) % 360);
-    frame = requestAnimationFrame((next) => step(next, now));
-  }
-  function follow() { // what is wanted, where it can be seen
+  function step(now, before) { // while it is wanted and can be seen
     const on = wanted && node.isConnected && visible.size > 0 && !print.matches;
-    if (on === Boolean(frame)) return;
-    if (!on) cancelAnimationFrame(frame);
-    frame = on ? requestAnimationFrame((start) => step(start, start)) : 0;
+    if (on) put((phase + ((now - before) / PERIOD) * speed.value * 360) % 360);
+    frame = on ? requestAnimationFrame((next) => step(next, now)) : 0;
   }
+  const follow = () => { frame ||= requestAnimationFrame((start) => step(start, start)); };
   function play(on) {
     wanted = on;
-    button.replaceChildren(icon(14, path("tl-sign", on ? "M3 2V12M10 2V12" : "M3 1V13L12 7Z")),
+    player.replaceChildren(icon(14, path("tl-sign", on ? "M3 2V12M10 2V12" : "M3 1V13L12 7Z")),
       on ? "Pause" : "Play");
     follow();
   }
@@ -126,8 +120,8 @@ export function createImage() {
       [P, size, rest, moved, shifts] = [cameras, sensor, markers, deflected, [offset, offset]];
       name = whose && `${whose}: `;
       const count = P.length / 12, before = Math.max(0, Math.min(count - 1, Number(box.value)));
-      if (box.length !== count) box.replaceChildren(...Array.from({ length: count }, (_, i) =>
-        html("option", { value: i }, `${i + 1} of ${count}`)));
+      if (box.length !== count) box.replaceChildren(
+        ...options(Array.from({ length: count }, (_, i) => [i, `${i + 1} of ${count}`])));
       box.value = before;
       tell();
       draw();

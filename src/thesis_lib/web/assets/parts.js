@@ -111,10 +111,14 @@ export const ARROWS = { // to the right and up
   ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1],
 };
 
-// While a pointer is down on a node: `take(event)` returns what is called on its moves, if
-// anything, and `end` is called when it is let go.
+// Of a pointer, px from the corner of a box.
+export const placeIn = ({ left, top }, { clientX, clientY }) => [clientX - left, clientY - top];
+// While a pointer is down on a node: `take(place, event)` returns what is called with the places of
+// its moves, if anything, and `end` is called when it is let go. Places are in the box that the node
+// had at first, for a drag may move it.
 export function followDrag(node, take, end = () => {}) {
-  let move = null;
+  let move = null, box;
+  node.classList.add("tl-drag");
   const release = () => {
     if (move) end();
     move = null;
@@ -122,20 +126,23 @@ export function followDrag(node, take, end = () => {}) {
   fill(node, {
     onpointerdown(event) {
       if (event.button || move) return;
-      move = take(event) ?? null;
+      box = node.getBoundingClientRect();
+      move = take(placeIn(box, event), event) ?? null;
       if (move) node.setPointerCapture(event.pointerId);
     },
-    onpointermove: (event) => move?.(event), onpointerup: release, onpointercancel: release,
+    onpointermove: (event) => move?.(placeIn(box, event)), onpointerup: release, onpointercancel: release,
   });
 }
 
-// Calls draw(width) when a node's width in px is no longer `width`; returns what ends that.
-export function followWidth(root, node, width, draw) {
+// Calls draw() when the width of a node changes; returns a function that ends that.
+export function followWidth(node, draw) {
+  let width = node.clientWidth;
   const observer = new ResizeObserver(() => requestAnimationFrame(() => {
-    const now = Math.round(node.clientWidth) || width;
-    if (now !== width) draw((width = now));
+    const before = width;
+    width = node.clientWidth || before;
+    if (width !== before) draw();
   }));
-  observer.observe(root);
+  observer.observe(node);
   return () => observer.disconnect();
 }
 

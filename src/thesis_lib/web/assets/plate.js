@@ -1,9 +1,7 @@
 // Panels of a plate: (b) the reference and (c) the measured shapes, as maps of its markers.
+import { colourBar, colourOf, createMap, isDark, mapWidth, scaleOf, written } from "./maps.js";
 import {
-  colourBar, createMap, isDark, mapWidth, paletteOf, rgb, scaleOf, stepOf, written,
-} from "./maps.js";
-import {
-  ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, path, show, svg, swatch,
+  ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, path, placeIn, show, svg,
 } from "./parts.js";
 
 KINDS.plate = (study, uid) => {
@@ -31,7 +29,7 @@ KINDS.plate = (study, uid) => {
   // --- one map
   function drawMap(panel, deflections, most, testid, heading) {
     const { length_mm: length, width_mm: across } = study.data.structure, [nx, ny] = study.data.grid;
-    const palette = paletteOf(study.data.colormap), { x_mm: xs, y_mm: ys } = study.data;
+    const { x_mm: xs, y_mm: ys, colormap } = study.data;
     const { node, x, y, unit, frame } =
       createMap(mapWidth(study, 1), [0, length], [0, across], "X (mm)", "Y (mm)");
     const size = { width: (unit * length) / nx, height: (unit * across) / ny };
@@ -41,16 +39,15 @@ KINDS.plate = (study, uid) => {
     const cells = svg("g", { class: "tl-cells" }), dots = ["", ""];
     deflections.forEach((value, n) => {
       if (!isNumber(value)) return;
-      const colour = palette[stepOf(value, most)];
-      cells.append(svg("rect", { ...corner(n), ...size, fill: rgb(colour) }));
+      const colour = colourOf(colormap, value, most);
+      cells.append(svg("rect", { ...corner(n), ...size, fill: colour }));
       dots[isDark(colour) ? 1 : 0] += `M${x(xs[n % nx])} ${y(ys[rowOf(n)])}h0`;
     });
     const cursor = svg("g", { class: "tl-cursor" },
       svg("rect", { class: "tl-halo", ...size }), svg("rect", size));
     const pointAt = (event) => {
-      const box = node.getBoundingClientRect();
-      const ix = Math.floor((event.clientX - box.left - left) / size.width);
-      const iy = ny - 1 - Math.floor((event.clientY - box.top - top) / size.height);
+      const [px, py] = placeIn(node.getBoundingClientRect(), event);
+      const ix = Math.floor((px - left) / size.width), iy = ny - 1 - Math.floor((py - top) / size.height);
       point(ix >= 0 && ix < nx && iy >= 0 && iy < ny ? iy * nx + ix : null);
     };
     fill(node, { onpointerdown: pointAt, onpointermove: pointAt,
@@ -106,22 +103,21 @@ KINDS.plate = (study, uid) => {
     shown().forEach((i, n) => {
       const notes = [study.extremeWord(i), i === study.pinned ? "pinned" : ""].filter(Boolean);
       drawMap(c, study.results()[i].measured_mm, most, `map-${n}`,
-        html("span", { style: study.tint(i), "data-setting": i },
-          swatch(i), study.nameOf(i), html("em", {}, notes.join(", "))));
+        study.heading(i, notes.join(", ")));
     });
     point(cell);
   }
   return {
     figures: [b.node, c.node],
     draw() {
-      const most = limit(), palette = paletteOf(study.data.colormap);
-      const help = "Arrow keys move from marker to marker.", wide = mapWidth(study, 1) - 110;
+      const most = limit(), wide = Math.min(mapWidth(study, 1) - 110, 240);
+      const help = "Arrow keys move from marker to marker.";
       entitle(b, study, "img", "Reference shape", "", help);
       entitle(c, study, "img", "Measured shapes", "", help);
       clear(b);
       drawMap(b, study.mode().reference_mm, most, "map-ideal", "ideal");
       [b, c].forEach(({ scale }, n) => scale.replaceChildren(
-        colourBar(`${uid}-scale-${n}`, palette, most, "mm", "deflection", Math.min(wide, 240))));
+        colourBar(`${uid}-scale-${n}`, study.data.colormap, most, "mm", "deflection", wide)));
     },
     highlight: drawMeasured,
     stop() {},

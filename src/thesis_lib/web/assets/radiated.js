@@ -1,7 +1,7 @@
 // The sound field of a measured shape on the planes above it, playing.
 // Front end of thesis_lib.measure.report.build in the form that static_html runs.
 import { amplitude, createPressure, decode, playFields } from "./field.js";
-import { colourBar, paletteOf } from "./maps.js";
+import { colourBar } from "./maps.js";
 import { figure, followWidth, html } from "./parts.js";
 
 function render({ model, el }) {
@@ -12,22 +12,21 @@ function render({ model, el }) {
   const names = { "aria-label": "The sound field", "data-testid": "radiated" };
   const root = html("section", { class: "tl-viewer tl-radiated", ...names },
     html("p", { class: "tl-summary" }, words), panel.node, motion.node);
-  function draw(width) {
+  function draw() {
+    const width = panel.node.clientWidth || 480;
     const wide = width >= 560 ? Math.floor((width - 28) / 2) : width;
     shown.splice(0, Infinity, ...planes.map((plane, i) =>
       createPressure(wide, plane, halves[i], decoded[i], most, `${plane.name} plane`,
         { "aria-label": `pressure on ${plane.name}` })));
     panel.canvas.replaceChildren(...shown.map(({ element }) => element), colourBar(
-      "tl-radiated-scale", paletteOf(colormap), most, "Pa", "pressure", Math.min(width, 260)));
+      "tl-radiated-scale", colormap, most, "Pa", "pressure", Math.min(width, 260)));
     motion.redraw();
   }
   motion.at(frequency);
   motion.watch(panel.node);
   el.replaceChildren(root);
-  const width = Math.round(panel.node.clientWidth) || 480;
-  draw(width);
-  const unfollow = followWidth(root, panel.node, width, draw);
-  return () => { unfollow(); motion.stop(); };
+  draw();
+  followWidth(panel.node, draw);
 }
 
 export default { render };

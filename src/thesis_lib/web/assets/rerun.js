@@ -36,7 +36,7 @@ function createControl(field, text, id, attributes) {
 
 // One parameter: `text` is what was typed so far, `more` a further hint, `changed` is called with
 // what is typed now.
-export function createField(field, id, text, more, changed) {
+function createField(field, id, text, more, changed) {
   const { name, meaning, unit, allowed, typed, schema } = field;
   const described = { id, "aria-describedby": `${id}-hint ${id}-problem` };
   const [node, now] = createControl(field, text, id, described), isGroup = node.matches("div");
@@ -103,10 +103,10 @@ function renderForm({ model, el }) {
   const head = html("div", { class: "tl-rerun-head" },
     compact ? "" : html("label", {}, html("span", {}, "Figure set or chapter"), chooser),
     button("Reset", {}, reset), ...linkButton(writeAddress));
-  const root = html("section", { class: "tl-rerun", "aria-label": "A rerun with your parameters" },
+  const names = { class: `tl-rerun${compact ? " tl-rerun-compact" : ""}` };
+  const root = html("section", { ...names, "aria-label": "A rerun with your parameters" },
     ...(compact ? [title, form, others, result, output, head] : [head, note, form, result]));
   if (!compact) result.append(output);
-  root.classList.toggle("tl-rerun-compact", compact);
   const chosen = () => chapters[chooser.value] ??
     { ...sets[chooser.value], sets: [chooser.value], differ: [] };
 
@@ -203,7 +203,6 @@ function renderForm({ model, el }) {
     const refused = faults[0] || compute(judged), { size } = given;
     output.hidden = sentence.hidden = Boolean(refused);
     if (refused) figure.setAttribute("data-stale", "");
-    root.toggleAttribute("data-refused", output.hidden);
     status.textContent = refused || (size === 0 ? "As published, no parameter changed:"
       : `${size} parameter${size === 1 ? " differs" : "s differ"} from the default:`);
     if (refused) return;

@@ -69,8 +69,7 @@ function render({ model, el }) {
   root.demo = { state, set, ...built.model }; // for tests
   el.replaceChildren(root);
   refresh();
-  const unfollow = followWidth(root, root, root.clientWidth, request);
-  return () => { unfollow(); cancelAnimationFrame(waiting); };
+  followWidth(root, request);
 }
 
 // Words above a panel, also for screen readers, and below it.
@@ -82,17 +81,10 @@ function entitlePanel({ canvas, caption, foot }, words, more, below = "") {
 const chart = (panel, width, across, up, xTitle, yTitle) =>
   axes(panel, width, across, up, xTitle, yTitle, { columns: width < 420 ? 4 : 7 });
 
-// Follow the pointer over a drawing: `take(x, y)` returns what its moves (x, y) then are told to.
 function follow({ canvas }, take) {
-  const at = ({ clientX, clientY }) => {
-    const box = canvas.getBoundingClientRect();
-    return [clientX - box.left, clientY - box.top];
-  };
-  canvas.classList.add("tl-demo-drag");
-  followDrag(canvas, (event) => {
-    const move = take(...at(event));
+  followDrag(canvas, (place, event) => {
     event.preventDefault();
-    return (now) => move(...at(now));
+    return take(place);
   });
 }
 
@@ -124,11 +116,11 @@ function buildMarker({ a, b, c, state, set, request, random }) {
   // (a) the grid: pixels as boxes around their centres, the marker at rest and moved
   let unit = 1;
   const x = (u) => (u + 1) * unit;
-  follow(a, (x0) => {
+  follow(a, ([x0]) => {
     const from = { ...state };
-    if (Math.abs(x0 - x(REST + state.motion)) < 24) return (now) =>
+    if (Math.abs(x0 - x(REST + state.motion)) < 24) return ([now]) =>
       set({ motion: clamp(hundredth(from.motion + (now - x0) / unit), [0, MOST]) });
-    return (now) => {
+    return ([now]) => {
       const shift = from.shift - (now - x0) / unit;
       set({ shift: hundredth(shift - Math.round(shift)) });
     };
@@ -239,24 +231,21 @@ function buildPoint({ a, b, state, set, request, random }) {
   ];
 
   const height = 300, unit = height / 12;
-  follow(a, (_, y0) => {
+  follow(a, ([, y0]) => {
     const from = state.deflection, twentieth = (mm) => Math.round(mm * 20) / 20;
-    return (__, y) => set({ deflection: clamp(twentieth(from + (y0 - y) / unit), [0, MOST]) });
+    return ([, y]) => set({ deflection: clamp(twentieth(from + (y0 - y) / unit), [0, MOST]) });
   });
   function drawSection(width) { // around the point, a few mm
     const { rest, moved } = measured(shifts), half = width / 2 / unit, far = half + 12;
     const x = (mm) => width / 2 + mm * unit, y = (mm) => height - 3 * unit - mm * unit;
-    const strips = rows(law(state).phi).flatMap(({ along, up }, i) => {
+    const strips = rows(law(state).phi).map(({ along, up }, i) => {
       const size = Math.hypot(along, up), [nx, nz] = [along / size, up / size];
-      const place = ([across, down]) => [x(nx * across - nz * down), y(nz * across + nx * down)];
-      const pixel = (m) => {
-        const [from, to] = [(m - 0.5) / size, (m + 0.5) / size];
-        return lines([[from, -far], [from, far], [to, far], [to, -far]].map(place), "Z");
-      };
+      const pixel = (m, cls) => svg("rect", { class: cls, x: ((m - 0.5) * unit) / size,
+        y: -far * unit, width: unit / size, height: 2 * far * unit });
       const many = Math.ceil(far * size), strip = `tl-demo-strip tl-demo-side${i}`;
-      return [...Array.from({ length: 2 * many + 1 }, (_, k) =>
-        path("tl-demo-edge", pixel(k - many - shifts[i]))),
-      path(strip, pixel(rest.m[i])), path(`${strip} tl-demo-strong`, pixel(moved.m[i]))];
+      return svg("g", { transform: `matrix(${[nx, -nz, nz, nx, x(0), y(0)]})` },
+        Array.from({ length: 2 * many + 1 }, (_, k) => pixel(k - many - shifts[i], "tl-gridline")),
+        pixel(rest.m[i], strip), pixel(moved.m[i], `${strip} tl-demo-strong`));
     });
     const cross = ({ x: px, z }) =>
       path("tl-demo-cross", `M${x(px) - 7} ${y(z) - 7}l14 14m-14 0l14 -14`);

@@ -13,17 +13,13 @@ export function createSketch(panel, study) { // returns what draws it
   let bending = []; // of the mesh through the markers, on the screen
 
   function mesh() { // curves of places [X, Y, deflection] in mm; a hole in the markers ends one
-    const { x_mm: xs, y_mm: ys, grid, structure } = study.data, values = study.mode().reference_mm;
-    const [half, across] = [structure.length_mm / 2, structure.width_mm / 2];
-    if (!values) return [];
-    if (!grid) { // a beam: both edges from the clamp to the last marker, and what joins them
-      const along = [[-half, 0], ...xs.map((x, n) => [x - half, values[n]])];
-      return [...[-across, across].map((y) => along.map(([x, w]) => [x, y, w])),
-        ...along.map(([x, w]) => [[x, -across, w], [x, across, w]])];
-    }
-    const rows = ys.map((y, j) =>
-      xs.map((x, i) => [x - half, y - across, values[j * xs.length + i]]));
-    const columns = xs.map((_, i) => rows.map((row) => row[i]));
+    const { x_mm: xs, y_mm: ys, structure: { length_mm: length, width_mm: width } } = study.data;
+    if (!xs) return [];
+    const markers = study.markers(), edge = (y) => // of a beam, from the clamp to the last marker
+      [[-length / 2, 0, 0], ...markers].map(([x, , w]) => [x, y, w]);
+    const rows = ys ? ys.map((_, j) => markers.slice(j * xs.length, (j + 1) * xs.length))
+      : [-width / 2, width / 2].map(edge);
+    const columns = rows[0].map((_, i) => rows.map((row) => row[i]));
     return [...rows, ...columns].flatMap((row) => row.reduce((parts, place) => {
       if (isNumber(place[2])) parts.at(-1).push(place);
       else if (parts.at(-1).length) parts.push([]);

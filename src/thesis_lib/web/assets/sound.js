@@ -1,8 +1,8 @@
 // Panels of a sound field: the ideal pressure on each plane, and the errors of the best and the
 // worst setting, at any instant of the period.
 import { amplitude, createPressure, decode, playFields } from "./field.js";
-import { colourBar, mapWidth, paletteOf } from "./maps.js";
-import { KINDS, entitle, figure, html, isNumber, swatch } from "./parts.js";
+import { colourBar, mapWidth } from "./maps.js";
+import { KINDS, entitle, figure, html, isNumber } from "./parts.js";
 
 KINDS.sound = (study, uid) => {
   const b = figure("b", html("div", { class: "tl-planes" }), "b, c");
@@ -20,23 +20,20 @@ KINDS.sound = (study, uid) => {
       ...["best", "worst"].filter((word) => extremes[word]).map((word) =>
         [`error of the ${word}`, read(extremes[word]), extremes[word].index])];
   }
-  const headingOf = (words, i) => (i === null ? words
-    : html("span", { style: study.tint(i), "data-setting": i },
-      swatch(i), study.nameOf(i), html("em", {}, words)));
   function drawPlane(plane) {
     const { name } = plane, { colormap, pressure_unit: unit, structure } = study.data;
-    const width = mapWidth(study, 2), palette = paletteOf(colormap), list = fieldsOf(name);
+    const width = mapWidth(study, 2), list = fieldsOf(name);
     const half = structure[name[0] === "X" ? "length_mm" : "width_mm"] / 2;
     const [ideal, errors] = [list.slice(0, 1), list.slice(1)].map((part) => // each on its own scale
       Math.max(0, ...part.map(([, field]) => amplitude(field))));
     const bars = [[ideal, "pressure"], [errors, "error"]].filter(([most]) => most)
-      .map(([most, words]) => colourBar(`${uid}-${name}-${words}`, palette, most, unit, words,
+      .map(([most, words]) => colourBar(`${uid}-${name}-${words}`, colormap, most, unit, words,
         Math.min(width, 260)));
     const maps = list.map(([words, field, i], n) => {
       const names = { "data-testid": `field-${name}-${words.split(" ").at(-1)}`,
         "aria-label": `${words} on ${name}` };
       return createPressure(width, plane, half, field, (n ? errors : ideal) || 1,
-        headingOf(words, i), names, study.data.nodal_note);
+        i === null ? words : study.heading(i, words), names, study.data.nodal_note);
     });
     shown.push(...maps);
     return html("section", { "aria-label": `${name} plane` },

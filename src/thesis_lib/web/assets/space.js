@@ -60,16 +60,16 @@ export function drawCamera({ line, flat }, tip, size, spread = 1, ratio = 0.56) 
     path("", base.map((corner) => lines([tip, corner].map(flat))).join(""))];
 }
 
-// Lets a view be turned; `grab(event)` may return what follows the pointer in place of that.
+// Lets a view be turned; `grab(place, event)` may return what follows the pointer in place of that.
 export function turnable(canvas, view, lowest, draw, grab = () => null) {
   function turn(azimuth, elevation) {
     view.azimuth += azimuth;
     view.elevation = clamp(view.elevation + elevation, [lowest, 90]);
     draw();
   }
-  followDrag(canvas, (last) => grab(last) ?? ((event) => {
-    turn((event.clientX - last.clientX) * 0.5, (event.clientY - last.clientY) * 0.4);
-    last = event;
+  followDrag(canvas, (last, event) => grab(last, event) ?? ((now) => {
+    turn((now[0] - last[0]) * 0.5, (now[1] - last[1]) * 0.4);
+    last = now;
   }));
   fill(canvas, { tabindex: 0, onkeydown(event) {
     const [x, y] = ARROWS[event.key] ?? [];

@@ -55,6 +55,13 @@ function createStudy(model) {
       const { label } = study.settings()[i];
       return (/^[\d.]+$/.test(label) ? `${study.data.parameter.label} = ` : "") + label;
     },
+    heading: (i, note) => html("span", { style: study.tint(i), "data-setting": i },
+      swatch(i), study.nameOf(i), html("em", {}, note)),
+    markers() { // [X, Y, deflection] of each, mm from the structure's centre
+      const { x_mm: xs, y_mm: ys, grid: [columns] = [xs.length], structure } = study.data;
+      return study.mode().reference_mm.map((w, n) => [xs[n % columns] - structure.length_mm / 2,
+        ys ? ys[Math.floor(n / columns)] - structure.width_mm / 2 : 0, w]);
+    },
     nodalWords: ({ name, mean }) =>
       (name && !isNumber(mean) ? `${name}: ${study.data.nodal_note}` : ""),
     inView: ({ in_view: share }) => (!isNumber(share) ? null : share >= 1 ? "all markers in view"
@@ -104,10 +111,7 @@ function render({ model, el }) {
   const root = html("section", { class: "tl-viewer", ...names });
   const [a, d] = ["a", "d"].map((letter) => figure(letter, svg("svg")));
   const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight, remember);
-  const image = createImage(), motion = createMotion((phase) => {
-    sketch.move(phase);
-    image.show(phase);
-  });
+  const image = createImage(), motion = createMotion([sketch.move, image.show]);
   const link = onPage && !model.get("form") ? linkButton(remember) : []; // else the form has it
   let panels = null, imaged = ""; // panels of the kind of structure; what the image shows
 
@@ -164,7 +168,7 @@ function render({ model, el }) {
     motion.redraw();
   }
   function film() { // what the cameras of a setting see: the highlighted one, or the best
-    const { lens, structure, x_mm: xs, y_mm: ys, grid: cells } = study.data;
+    const { lens } = study.data;
     const i = study.active() ?? Math.max(0, study.extremes()[0]);
     const now = [study.case().name, study.mode().mode, i].join();
     if (!lens || now === imaged) return;
@@ -173,10 +177,7 @@ function render({ model, el }) {
     const focal = (lens.focal_length_mm * resolution[0]) / lens.sensor_width_mm;
     const P = Float64Array.from(cameras.flatMap(([distance, ...angles]) =>
       [...hemisphereCameras(distance / 1000, [radians(angles)], focal, resolution)]));
-    const [half, across] = [structure.length_mm / 2, structure.width_mm / 2];
-    const markers = study.mode().reference_mm.flatMap((w, n) => (isNumber(w)
-      ? [[xs[cells ? n % cells[0] : n] - half,
-        cells ? ys[Math.floor(n / cells[0])] - across : 0, w]] : []));
+    const markers = study.markers().filter(([, , w]) => isNumber(w));
     const points = (share) => Float64Array.from(
       markers.flatMap(([x, y, w]) => [x / 1000, y / 1000, (share * w) / 1000]));
     image.load(P, resolution, points(0), points(1), lens.principal_offset_px, study.nameOf(i));
@@ -208,9 +209,8 @@ function render({ model, el }) {
         curves ? sample(i) : swatch(i), html("span", {}, label, html("em")))));
     update();
   }
-  const outline = ({ structure, grid: cells, modes, cases }) => JSON.stringify([
-    structure, cells, modes?.map(({ mode }) => mode),
-    cases?.map((one) => [one.name, one.title, one.settings.map(({ label }) => label)])]);
+  const outline = (data) => JSON.stringify(data, ["structure", "kind", "length_mm", "width_mm", "grid",
+    "modes", "mode", "cases", "name", "title", "settings", "label"]);
   function changeData() {
     const before = study.data, data = study.data = model.get("data") ?? {};
     imaged = "";
@@ -224,7 +224,6 @@ function render({ model, el }) {
     panels = KINDS[kind](study, uid);
     root.dataset.kind = kind;
     grid.replaceChildren(a.node, ...(data.lens ? [image.node] : []), ...panels.figures, d.node);
-    root.classList.toggle("tl-imaged", Boolean(data.lens));
     if (data.x_mm) a.node.append(motion.node); else motion.node.remove(); // a sound has its own
     const pinned = onPage ? recall() : null;
     buildControls();
@@ -247,7 +246,7 @@ function render({ model, el }) {
   const handlers = Object.entries({
     "change:case": () => changeCase(), "change:mode": update, "change:data": changeData });
   handlers.forEach((one) => model.on(...one));
-  const unfollow = followWidth(root, root, 0, () => { if (root.contains(grid) && fit()) update(); });
+  const unfollow = followWidth(root, () => { if (root.contains(grid) && fit()) update(); });
   return () => {
     unfollow();
     panels?.stop();
