@@ -10,15 +10,7 @@ from functools import partial
 from typing import Any
 
 from thesis_lib.book import build, explorer, rendering
-from thesis_lib.book.build import (
-    EXECUTED_FOLDER,
-    HTML_FOLDER,
-    PROJECT_ROOT,
-    list_code,
-    list_cubes,
-    make_task,
-    result_files,
-)
+from thesis_lib.book.build import EXECUTED_FOLDER, list_code, make_task, result_files
 from thesis_lib.book.pieces import (
     benchmarks,
     factors,
@@ -37,7 +29,7 @@ from thesis_lib.files import folder_files, library_files
 from thesis_lib.web.page import NPM_PACKAGES
 
 DOIT_CONFIG = {
-    "dep_file": str(PROJECT_ROOT / "build" / ".doit.sqlite"),
+    "dep_file": str(build.PROJECT_ROOT / "build" / ".doit.sqlite"),
     "backend": "sqlite3",  # whose file is whole after a kill
     "num_process": 2,
     "par_type": "thread",  # notebooks and Sphinx compute in processes of their own
@@ -46,11 +38,13 @@ DOIT_CONFIG = {
     "default_tasks": ["inputs", "notebook", "assets", "piece", "figures", "pages"],
 }
 PAGES = [
-    path for path in folder_files([PROJECT_ROOT / "book"]) if EXECUTED_FOLDER not in path.parents
+    path
+    for path in folder_files([build.PROJECT_ROOT / "book"])
+    if EXECUTED_FOLDER not in path.parents
 ]
 NOTEBOOKS = [result_files(name)[0] for name in STUDIES]
-CHECKS = PROJECT_ROOT / "build" / "conformance.xml"  # what `make test-all` recorded
-PUBLISHED = sorted((PROJECT_ROOT / "data" / "published").glob("*.*"))
+CHECKS = build.PROJECT_ROOT / "build" / "conformance.xml"  # what `make test-all` recorded
+PUBLISHED = sorted((build.PROJECT_ROOT / "data" / "published").glob("*.*"))
 WORD_CODE = ("templates.py", "text.py")  # that all pieces are written with
 TEXT_CODE = list_code(
     "book", "facts", "figure_sets", "ledger", "planning", "plotting", "web", *WORD_CODE
@@ -84,10 +78,10 @@ def task_notebook() -> Iterator[dict[str, Any]]:
 
 def task_assets() -> Iterator[dict[str, Any]]:
     """Install MathJax and MiniSearch from the lock of npm."""
-    needs = [PROJECT_ROOT / "package-lock.json", PROJECT_ROOT / "package.json"]
-    made = [PROJECT_ROOT / "build" / "assets" / name for name in NPM_PACKAGES]
+    needs = [build.PROJECT_ROOT / "package-lock.json", build.PROJECT_ROOT / "package.json"]
+    made = [build.PROJECT_ROOT / "build" / "assets" / name for name in NPM_PACKAGES]
     yield make_task(
-        "MathJax and MiniSearch", lambda: rendering.install_assets(PROJECT_ROOT), needs, made
+        "MathJax and MiniSearch", lambda: rendering.install_assets(build.PROJECT_ROOT), needs, made
     )
 
 
@@ -100,7 +94,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     data = ExperimentResolution().recordings.stored_path
 
     def write(names: list[str], but: str = "") -> None:
-        made = list_cubes(name for name in STUDIES if name != but)
+        made = build.list_cubes(name for name in STUDIES if name != but)
         texts.write_pieces(made, EXECUTED_FOLDER, build.without_cubes(), names)
 
     def included(*names: str) -> list[Any]:
@@ -120,7 +114,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     )
     yield make_task(
         "figure of the conclusions",
-        lambda: factors.write_summary_figure(list_cubes(), EXECUTED_FOLDER),
+        lambda: factors.write_summary_figure(build.list_cubes(), EXECUTED_FOLDER),
         [*NOTEBOOKS, *TEXT_CODE], [EXECUTED_FOLDER / factors.FIGURE_FILE],
     )  # fmt: skip
     yield make_task(
@@ -176,8 +170,8 @@ def task_figures() -> Iterator[dict[str, Any]]:
         drawn = [one for one in illustrations.FIGURE_NAMES if illustrations.cube_of(one) == name]
 
         def act(name: str = name, drawn: list[str] = drawn) -> None:
-            illustrations.write_illustrations(list_cubes([name]), EXECUTED_FOLDER, drawn)
-            rendering.write_tables(build.TABLES_FOLDER, list_cubes([name]))
+            illustrations.write_illustrations(build.list_cubes([name]), EXECUTED_FOLDER, drawn)
+            rendering.write_tables(build.TABLES_FOLDER, build.list_cubes([name]))
 
         of = list_code("planning", "vision") if name == "facts" else [result_files(name)[0]]
         needs = [*of, *list_code("book/pieces", "facts", "figure_sets", "plotting")]
@@ -188,9 +182,9 @@ def task_figures() -> Iterator[dict[str, Any]]:
 
 def task_pages() -> dict[str, Any]:
     """Render the pages, and pack them as one file."""
-    needs = [*PAGES, *NOTEBOOKS, *library_files(), PROJECT_ROOT / "_config.yml"]
+    needs = [*PAGES, *NOTEBOOKS, *library_files(), build.PROJECT_ROOT / "_config.yml"]
     task = make_task(
-        "pages", build.render_pages, needs, [HTML_FOLDER / "index.html", build.ARCHIVE_FILE]
+        "pages", build.render_pages, needs, [build.HTML_FOLDER / "index.html", build.ARCHIVE_FILE]
     )
     return {key: value for key, value in task.items() if key != "name"} | {
         "task_dep": DOIT_CONFIG["default_tasks"][:-1]

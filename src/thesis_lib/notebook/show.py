@@ -24,16 +24,9 @@ from thesis_lib.figure_sets import cube_file, display as figure_sets, registry
 from thesis_lib.figure_sets.parametric import in_page
 from thesis_lib.plotting import panels, selection
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.studies import effort, storage, workers
+from thesis_lib.studies import effort, request, storage, workers
 from thesis_lib.studies.fields import describe_permitted
-from thesis_lib.studies.request import (
-    ParameterError,
-    Study,
-    check_names,
-    describe_parameters,
-    validate_values,
-    whole_numbers,
-)
+from thesis_lib.studies.request import ParameterError, Study, check_names, validate_values
 from thesis_lib.text import one_line, parse_json
 from thesis_lib.web.viewer import Viewer
 
@@ -174,7 +167,7 @@ def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
     for name in names:
         study, numbers = registry.STUDIES[name], {}
         schema = study.model_json_schema()["properties"]
-        for row in describe_parameters(study):
+        for row in request.describe_parameters(study):
             if row["name"] == "cube":  # where a notebook writes: not of the command
                 continue
             default = json.loads(row["default"])
@@ -225,7 +218,7 @@ def _format_typed(value: Any) -> str:
     """
     if isinstance(value, str):
         return value
-    text = json.dumps(whole_numbers(value), ensure_ascii=False)
+    text = json.dumps(request.whole_numbers(value), ensure_ascii=False)
     flat = isinstance(value, list) and not any(isinstance(one, list) for one in value)
     return text[1:-1] if flat else text
 

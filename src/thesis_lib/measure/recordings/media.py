@@ -26,12 +26,7 @@ from thesis_lib.arrays import Array, ArrayLike, Image, IntArray, NDArray
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings import media_info
 from thesis_lib.measure.recordings.manifest import IMAGE_SUFFIXES, find_images
-from thesis_lib.measure.recordings.media_info import (
-    MediaError,
-    open_media,
-    probe_media,
-    video_track,
-)
+from thesis_lib.measure.recordings.media_info import MediaError, open_media, probe_media
 from thesis_lib.measure.recordings.text_files import TextFileError, read_text
 from thesis_lib.studies.fields import format_given
 
@@ -163,7 +158,7 @@ def read_frames(
     with open_media(path) as file:
         timed = clock is None and file.format.name not in media_info.UNTIMED_FORMATS
         k, previous = 0, np.nan
-        frames = media_info.decode_frames(file, video_track(file, path), path)
+        frames = media_info.decode_frames(file, media_info.video_track(file, path), path)
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
             if (time - previous) * info.frame_rate > 1.75:
@@ -403,14 +398,16 @@ def _retime_frames(source: Path, target: Path, rate: float) -> int:
 def _presentation_order(source: Path) -> tuple[IntArray, bool]:
     """Return the place of each packet among the frames shown, and whether it has a time stamp."""
     with open_media(source) as file:
-        packets = (packet for packet in file.demux(video_track(file, source)) if packet.size)
+        packets = (
+            packet for packet in file.demux(media_info.video_track(file, source)) if packet.size
+        )
         stamps = [np.nan if packet.pts is None else packet.pts for packet in packets]
         timed = file.format.name not in media_info.UNTIMED_FORMATS
     if timed and np.isfinite(stamps).all():
         return np.argsort(np.argsort(stamps)), True
     shown: list[int] = []
     with open_media(source) as file:  # the decoder tells which packet each frame is of
-        for number, packet in enumerate(file.demux(video_track(file, source))):
+        for number, packet in enumerate(file.demux(media_info.video_track(file, source))):
             packet.pts = packet.dts = number
             shown += [frame.pts for frame in packet.decode() if frame.pts is not None]
     return np.argsort(shown), False
@@ -425,7 +422,7 @@ def _copy(source: Path, target: Path, stamps: IntArray, unit: Fraction) -> None:
         open_media(source) as file,
         av.open(media_info.file_address(target), "w", format="mov") as new,
     ):
-        stream = video_track(file, source)
+        stream = media_info.video_track(file, source)
         track = new.add_stream_from_template(stream)
         new.metadata["title"] = media_info.PACKED_FROM + source.name
         track.time_base = unit
