@@ -215,7 +215,7 @@ def test_a_number_of_cameras_is_answered_by_how_to_say_it():
     for names in (["ch3"], ["beam-arrays"], ["sound-distance"]):
         with pytest.raises(RefusedError) as caught:
             requests_of(names, {"cameras": 5})
-        (words,) = [one for one in shlex.split(caught.value.message) if one.startswith("layouts=")]
+        (words,) = [one for one in shlex.split(str(caught.value)) if one.startswith("layouts=")]
         layouts = parse_assignments([words])
         assert validate_request(ARRAYS, layouts).request["layouts"] == layouts["layouts"]
 

@@ -98,12 +98,12 @@ def test_it_is_refused_as_others_are(footprint, tmp_path):
 def test_it_is_stale_when_what_it_rests_on_changes(footprint):
     (name,) = registry.load_sets(footprint)
     one = registry.FIGURE_SETS[name]
-    before = request_key(one, one.request())
+    before = request_key(one.request())
     for file in ("figure_set.py", "compute.py"):
         with (footprint / file).open("a") as stream:
             stream.write("another = 1\n")
         code_digest.cache_clear()
-        now = request_key(one, one.request())
+        now = request_key(one.request())
         assert now != before
         before = now
 

@@ -4,9 +4,8 @@ import struct
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command import thesis
 
-from thesis_lib.cli import cli
 from thesis_lib.measure.recordings.media import pack_frames, read_frames, write_png
 from thesis_lib.measure.recordings.media_info import frame_clock, probe_media
 
@@ -67,8 +66,8 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
     (tmp_path / "left").mkdir()
     for k, frame in enumerate(EIGHT):
         write_png(tmp_path / "left" / f"frame{k + 7}.png", frame[:47, :63])
-    said = CliRunner().invoke(cli, ["convert", str(tmp_path / "left"), "--rate-hz", "240"])
-    assert said.output == f"{tmp_path / 'left.mov'}: 7 frames of 62 × 46 px\n"
+    said = thesis("convert", tmp_path / "left", "--rate-hz", "240")
+    assert said.out == f"{tmp_path / 'left.mov'}: 7 frames of 62 × 46 px\n"
     video = tmp_path / "left.mov"
     np.testing.assert_array_equal(list(read_frames(video)), EIGHT[:, :46, :62])
     assert probe_media(video).frame_rate == 240
@@ -92,22 +91,20 @@ def test_a_wrong_header_is_refused_by_its_field_in_one_line(tmp_path, old, new, 
     text = source.read_text(encoding="utf-8")
     assert old in text
     source.write_text(text.replace(old, new), encoding="utf-8")
-    result = CliRunner().invoke(cli, ["convert", str(source)])
-    lines = result.output.splitlines()
-    assert (result.exit_code, len(lines)) == (2, 4)  # usage, and one line
-    assert "C1." in lines[-1]
-    assert said in lines[-1]
+    done = thesis("convert", source)
+    assert (done.status, len(done.err.splitlines())) == (2, 1)
+    assert "C1." in done.err
+    assert said in done.err
     assert not source.with_suffix(".mov").exists()
 
 
 def test_a_folder_without_pictures_or_rate_is_refused(tmp_path):
     for what, said in [("", "no image in it"), ("none", "allowed: a folder of images")]:
-        result = CliRunner().invoke(cli, ["convert", str(tmp_path / what), str(tmp_path / "o.mov")])
-        assert (result.exit_code, said in result.output) == (2, True)
+        done = thesis("convert", tmp_path / what, tmp_path / "o.mov")
+        assert (done.status, said in done.err) == (2, True)
     write_png(tmp_path / "a.png", EIGHT[0])
     for words, said in [(["o.mov"], "give --rate-hz"), (["o.mp4", "--rate-hz", "5"], ".mov")]:
-        given = [str(tmp_path), str(tmp_path / words[0]), *words[1:]]
-        assert said in CliRunner().invoke(cli, ["convert", *given]).output
+        assert said in thesis("convert", tmp_path, tmp_path / words[0], *words[1:]).err
 
 
 def test_phantoms_files_are_read_as_they_are(tmp_path):
