@@ -173,6 +173,8 @@ def test_a_folder_of_the_users_is_no_cache(tmp_path):
     files.check_cache(tmp_path / "new")
     (tmp_path / "mine").mkdir()
     files.check_cache(tmp_path / "mine")  # it is empty
+    (tmp_path / "mine" / ".staging-ended").mkdir()
+    files.check_cache(tmp_path / "mine")  # a kill came before the tag
     (tmp_path / "mine" / "tracks-00.npy").write_bytes(MINE)
     with pytest.raises(files.OutputError, match="mine"):
         files.check_cache(tmp_path / "mine")

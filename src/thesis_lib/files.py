@@ -322,7 +322,9 @@ def check_cache(folder: Path) -> None:
     tag = folder / CACHE_TAG
     if tag.is_file() and tag.read_bytes() == _TAG_TEXT.encode():
         return
-    if os.path.lexists(folder) and not (folder.is_dir() and not any(folder.iterdir())):
+    # A killed command may have left the staging folder of the tag.
+    begun = folder.is_dir() and all(p.name.startswith(STAGING_PREFIX) for p in folder.iterdir())
+    if os.path.lexists(folder) and not begun:
         raise OutputError(f"{folder}: is there already, and no cache of this command; {_REMEDY}")
 
 
