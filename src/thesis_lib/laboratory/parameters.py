@@ -78,7 +78,8 @@ class RenderedStudy(Study):
     selection_only: ClassVar[frozenset[str]] = frozenset()
     estimation_only: ClassVar[frozenset[str]] = frozenset()
 
-    trials: fields.Runs = Field(200, description="further recordings of each setting, at most")
+    trials: fields.Runs = 200
+    """further recordings of each setting, at most"""
     seed: fields.NoiseSeed = 0
 
     @property
@@ -246,27 +247,20 @@ class RigRequest(fields.Fields):
     sensor_width_mm: fields.SensorWidth = THESIS_RIG["sensor_width_mm"]
     distance_mm: fields.BeamDistance = THESIS_RIG["distance_mm"]
     azimuth_deg: fields.RigAzimuth = THESIS_RIG["azimuth_deg"]
-    elevation_deg: Annotated[fields.Real, Field(ge=15, le=60)] = Field(
-        THESIS_RIG["elevation_deg"], description="elevation of the cameras"
-    )
+    elevation_deg: Annotated[fields.Real, Field(ge=15, le=60)] = THESIS_RIG["elevation_deg"]
+    """elevation of the cameras"""
     lens_k1: fields.Distortion = THESIS_RIG["lens_k1"]
-    frequency_hz: Annotated[fields.Real, Field(ge=1)] = Field(
-        THESIS_RIG["frequency_hz"],
-        description="frequency of the vibration, at most 0.4 of the frame rate",
-    )
+    frequency_hz: Annotated[fields.Real, Field(ge=1)] = THESIS_RIG["frequency_hz"]
+    """frequency of the vibration, at most 0.4 of the frame rate"""
     amplitude_mm: fields.TipPeak = THESIS_RIG["amplitude_mm"]
     frame_rate_hz: fields.RigRate = THESIS_RIG["frame_rate_hz"]
     exposure_ms: fields.Exposure = THESIS_RIG["exposure_ms"]
     shot_noise: fields.ShotNoise = THESIS_RIG["shot_noise"]
     read_noise: fields.ReadNoise = THESIS_RIG["read_noise"]
-    audio_noise_db: Annotated[fields.Real, Field(ge=0, le=120)] = Field(
-        THESIS_RIG["audio_noise_db"], description="force over noise on the audio tracks"
-    )
-    codec: Literal["lossless", "h264"] = Field(
-        "lossless",
-        description="how the videos are stored; h264, at crf 23, swallows part of motions well "
-        "below a pixel",
-    )
+    audio_noise_db: Annotated[fields.Real, Field(ge=0, le=120)] = THESIS_RIG["audio_noise_db"]
+    """force over noise on the audio tracks"""
+    codec: Literal["lossless", "h264"] = "lossless"
+    """how the videos are stored; h264, at crf 23, swallows part of motions well below a pixel"""
 
     @model_validator(mode="after")
     def _check_rig(self) -> RigRequest:

@@ -38,108 +38,64 @@ class PlanRequest(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    body: Literal["beam", "plate"] = Field(
-        "beam", description="what is measured, unless a file describes it"
-    )
-    plate_mm: tuple[fields.Positive, fields.Positive, fields.Positive] | None = Field(
-        None,
-        description="length, width and thickness of the plate, with material, support and "
-        "numbers of markers of the thesis's; null: the thesis's",
-    )
-    modes: fields.Several[fields.Mode] = Field([1, 2, 3], description="modes to measure")
-    amplitude_mm: fields.Positive | list[fields.Positive] = Field(
-        5.0, description="peak of the deflection over the structure"
-    )
-    target_percent: fields.Positive | None = Field(
-        5.0,
-        description="largest error of a mode that is wanted, in % of its largest deflection of a "
-        "marker; null asks only what is possible",
-    )
-    goal: Literal["shape", "sound", "sound-plane", "sound-point", "sound-power"] = Field(
-        "shape",
-        description="whose error counts: of the deflection shape, or of the sound that the plate "
-        "makes of it: its field on two planes, or on one of them, the pressure at a point, or "
-        "the power",
-    )
-    plane: Literal["XZ", "YZ"] = Field(
-        "XZ",
-        description='which plane through the centre counts with goal "sound-plane": along, or '
-        "across",
-    )
-    point_mm: tuple[Coordinate, Coordinate, fields.Positive] | None = Field(
-        None,
-        description='where the pressure counts with goal "sound-point": X, Y from the centre, Z '
-        "above it",
-    )
-    objective: Literal["mean", "worst"] = Field(
-        "mean",
-        description="which error of a mode counts: the mean (rms) over its markers, or that of "
-        "its worst one",
-    )
-    counts: fields.Several[Count] = Field(
-        [2, 3, 4, 6, 8], description="numbers of cameras to consider"
-    )
+    body: Literal["beam", "plate"] = "beam"
+    """what is measured, unless a file describes it"""
+    plate_mm: tuple[fields.Positive, fields.Positive, fields.Positive] | None = None
+    """length, width and thickness of the plate, with material, support and numbers of markers of
+    the thesis's; null: the thesis's"""
+    modes: fields.Several[fields.Mode] = [1, 2, 3]
+    """modes to measure"""
+    amplitude_mm: fields.Positive | list[fields.Positive] = 5.0
+    """peak of the deflection over the structure"""
+    target_percent: fields.Positive | None = 5.0
+    """largest error of a mode that is wanted, in % of its largest deflection of a marker; null asks
+    only what is possible"""
+    goal: Literal["shape", "sound", "sound-plane", "sound-point", "sound-power"] = "shape"
+    """whose error counts: of the deflection shape, or of the sound that the plate makes of it: its
+    field on two planes, or on one of them, the pressure at a point, or the power"""
+    plane: Literal["XZ", "YZ"] = "XZ"
+    """which plane through the centre counts with goal "sound-plane": along, or across"""
+    point_mm: tuple[Coordinate, Coordinate, fields.Positive] | None = None
+    """where the pressure counts with goal "sound-point": X, Y from the centre, Z above it"""
+    objective: Literal["mean", "worst"] = "mean"
+    """which error of a mode counts: the mean (rms) over its markers, or that of its worst one"""
+    counts: fields.Several[Count] = [2, 3, 4, 6, 8]
+    """numbers of cameras to consider"""
     resolutions_px: fields.Several[fields.Resolution] = Field(
-        [(320, 180), (640, 360), (1280, 720), (1920, 1080)],
-        max_length=20,
-        description="cameras to choose from: width and height of their images",
+        [(320, 180), (640, 360), (1280, 720), (1920, 1080)], max_length=20
     )
-    prices: list[fields.Positive] = Field(
-        [],
-        description="price of each of resolutions_px; empty: a layout costs its pixels per second",
-    )
+    """cameras to choose from: width and height of their images"""
+    prices: list[fields.Positive] = []
+    """price of each of resolutions_px; empty: a layout costs its pixels per second"""
     frame_rates_hz: fields.Several[fields.Positive] = Field(
         [30.0, 60.0, 120.0, 240.0, 500.0, 1000.0, 2000.0, 4000.0],
         description="frame rates that the cameras have; the lowest is taken that is "
         f"{MIN_FRAMES_PER_PERIOD:g} times the highest mode's frequency",
     )
-    focal_lengths_mm: fields.Several[fields.Positive] = Field(
-        [24.0], max_length=6, description="focal lengths to choose from, camera by camera"
-    )
+    focal_lengths_mm: fields.Several[fields.Positive] = Field([24.0], max_length=6)
+    """focal lengths to choose from, camera by camera"""
     sensor_width_mm: fields.SensorWidth = 36.0
-    distances_mm: tuple[fields.Positive, fields.Positive] = Field(
-        (500.0, 1500.0),
-        description="least and largest distance of a camera from the structure's centre",
-    )
-    azimuths_deg: tuple[fields.Azimuth, fields.Azimuth] = Field(
-        (-180.0, 180.0), description="least and largest azimuth of a camera, from +Y towards +X"
-    )
-    elevations_deg: tuple[Rise, Rise] = Field(
-        (5.0, 90.0), description="least and largest elevation of a camera over the XY plane"
-    )
-    forbidden_boxes_mm: list[Box] = Field(
-        [],
-        max_length=50,
-        description="boxes in which no camera may stand, in the structure's frame: [x least, x "
-        "largest, y least, y largest, z least, z largest]",
-    )
-    forbidden_spheres_mm: list[Sphere] = Field(
-        [],
-        max_length=50,
-        description="spheres in which no camera may stand, in the structure's frame: [x, y, z, "
-        "radius]",
-    )
-    forbidden_sectors_deg: list[Sector] = Field(
-        [],
-        max_length=50,
-        description="directions in which no camera may stand: [azimuth least, largest, elevation "
-        "least, largest]",
-    )
-    tilt_deg: Tilt = Field(
-        75.0,
-        description="largest angle between a marker's normal and the line of sight at which it "
-        "is read",
-    )
-    in_view: Annotated[fields.Real, Field(gt=0, le=1)] = Field(
-        1.0,
-        description="share of the markers that each camera must see and read; it counts for "
-        "those alone",
-    )
+    distances_mm: tuple[fields.Positive, fields.Positive] = (500.0, 1500.0)
+    """least and largest distance of a camera from the structure's centre"""
+    azimuths_deg: tuple[fields.Azimuth, fields.Azimuth] = (-180.0, 180.0)
+    """least and largest azimuth of a camera, from +Y towards +X"""
+    elevations_deg: tuple[Rise, Rise] = (5.0, 90.0)
+    """least and largest elevation of a camera over the XY plane"""
+    forbidden_boxes_mm: list[Box] = Field([], max_length=50)
+    """boxes in which no camera may stand, in the structure's frame: [x least, x largest, y least, y
+    largest, z least, z largest]"""
+    forbidden_spheres_mm: list[Sphere] = Field([], max_length=50)
+    """spheres in which no camera may stand, in the structure's frame: [x, y, z, radius]"""
+    forbidden_sectors_deg: list[Sector] = Field([], max_length=50)
+    """directions in which no camera may stand: [azimuth least, largest, elevation least, largest]
+    """
+    tilt_deg: Tilt = 75.0
+    """largest angle between a marker's normal and the line of sight at which it is read"""
+    in_view: Annotated[fields.Real, Field(gt=0, le=1)] = 1.0
+    """share of the markers that each camera must see and read; it counts for those alone"""
     separation_mm: fields.Separation = 100.0
-    estimator: fields.Estimator = Field(
-        "least-squares",
-        description="how the simulation estimates points; predicted are least squares",
-    )
+    estimator: fields.Estimator = "least-squares"
+    """how the simulation estimates points; predicted are least squares"""
     step_deg: fields.Step = 10.0
     starts: fields.Starts = 3
 

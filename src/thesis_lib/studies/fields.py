@@ -1,7 +1,7 @@
 """Fields of requests and manifests: types with bounds, units, and words for refusals.
 
-A request declares ``focal_length_mm: FocalLength = 24.0``, or with a meaning of its own
-``cone_deg: Angle = Field(55.0, description="angle of the cone, from the normal")``. The words that
+A request declares ``focal_length_mm: FocalLength = 24.0``, or ``cone_deg: Angle = 55.0`` with its
+meaning as a string on the next line. The words that
 refusals, tables and forms show for bounds are generated from the type by :func:`describe_type`. A
 type whose bounds do not tell all has a ``title``. What depends on other fields is checked by the
 model, which refuses in words of its own.
@@ -74,11 +74,25 @@ def suggest_name(name: str, names: Iterable[str]) -> str:
 
 
 class Fields(BaseModel):
-    """Values as they are typed, all of them known, unchangeable; checks are built when used."""
+    """Values as they are typed, all of them known, unchangeable; checks are built when used.
+
+    A field's description is the string below it, or that of its type.
+    """
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True, defer_build=True
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        validate_default=True,
+        defer_build=True,
+        use_attribute_docstrings=True,
     )
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Join the lines of descriptions."""
+        for field in cls.model_fields.values():
+            field.description = field.description and " ".join(field.description.split())
 
     def refuse(self, field: str, why: str) -> None:
         """Refuse the value of a field that does not go with the others."""

@@ -47,12 +47,8 @@ class Study(fields.Fields):
 
     trials: fields.Trials = 200
     seed: fields.Seed = 0
-    cube: str = Field(
-        "",
-        pattern=r"^$|\.nc$",
-        title="a path that ends in .nc, or empty",
-        description="file to write the cube to, from the project's folder; empty writes nothing",
-    )
+    cube: str = Field("", pattern=r"^$|\.nc$", title="a path that ends in .nc, or empty")
+    """file to write the cube to, from the project's folder; empty writes nothing"""
 
     def settings(self) -> list[setups.Setting]:
         """Return the study's settings in the order of the thesis's tables, if any."""
@@ -218,25 +214,18 @@ class PlateMarkers(fields.Fields):
 class SoundPlanes(PlateMarkers):
     """Parameters of the sound field."""
 
-    speed_of_sound_m_s: fields.Positive = Field(
-        SOUND_READING["speed_of_sound_m_s"], description="speed of sound in the fluid"
-    )
-    air_density_kg_m3: fields.Positive = Field(
-        SOUND_READING["air_density_kg_m3"], description="density of the fluid"
-    )
-    plane_half_width_mm: fields.Positive = Field(
-        SOUND_READING["plane_half_width_mm"], description="the planes reach |X|, |Y| up to this"
-    )
-    plane_bottom_mm: fields.Positive = Field(
-        SOUND_READING["plane_bottom_mm"], description="lowest height of the planes"
-    )
-    plane_top_mm: fields.Positive = Field(
-        SOUND_READING["plane_top_mm"],
-        description="greatest height of the planes, above plane_bottom_mm",
-    )
-    plane_shape: tuple[PlanePoints, PlanePoints] = Field(
-        tuple(SOUND_READING["plane_shape"]), description="points along X or Y, and along Z"
-    )
+    speed_of_sound_m_s: fields.Positive = SOUND_READING["speed_of_sound_m_s"]
+    """speed of sound in the fluid"""
+    air_density_kg_m3: fields.Positive = SOUND_READING["air_density_kg_m3"]
+    """density of the fluid"""
+    plane_half_width_mm: fields.Positive = SOUND_READING["plane_half_width_mm"]
+    """the planes reach |X|, |Y| up to this"""
+    plane_bottom_mm: fields.Positive = SOUND_READING["plane_bottom_mm"]
+    """lowest height of the planes"""
+    plane_top_mm: fields.Positive = SOUND_READING["plane_top_mm"]
+    """greatest height of the planes, above plane_bottom_mm"""
+    plane_shape: tuple[PlanePoints, PlanePoints] = tuple(SOUND_READING["plane_shape"])
+    """points along X or Y, and along Z"""
 
     @property
     def medium(self) -> Medium:

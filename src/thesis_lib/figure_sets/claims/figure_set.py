@@ -25,10 +25,8 @@ class Claims(Study):
         200, description="random shifts of the pixel grids in the ledger's own runs"
     )
     seed: Seed = Field(0, description="seed of the ledger's own runs")
-    readings: list[str] = Field(
-        [name for name in READINGS if name != ADOPTED_READING],
-        description="readings of what the thesis leaves open, to compare with the adopted one",
-    )
+    readings: list[str] = [name for name in READINGS if name != ADOPTED_READING]
+    """readings of what the thesis leaves open, to compare with the adopted one"""
 
     @model_validator(mode="after")
     def _check_readings(self) -> Self:

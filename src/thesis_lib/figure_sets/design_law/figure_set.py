@@ -32,42 +32,32 @@ class DesignLaw(Study):
 
     focal_length_mm: fields.FocalLength = setups.assumed_values("beam")["focal_length_mm"]
     sensor_width_mm: fields.SensorWidth = setups.assumed_values("beam")["sensor_width_mm"]
-    resolution_px: fields.SensorSize = Field(
-        tuple(setups.setup_table("beam", "distance")["resolution_px"]),
-        description="width and height of the sensors, of the cone and where numbers are compared",
+    resolution_px: fields.Resolution = tuple(
+        setups.setup_table("beam", "distance")["resolution_px"]
     )
-    cone_distance_mm: fields.Positive = Field(1000.0, description="distance of cameras on a cone")
-    cone_deg: fields.Angle = Field(55.0, description="angle of the cone, from the normal")
-    cone_cameras: Annotated[fields.Whole, Field(ge=3, le=100)] = Field(
-        6, description="cameras where the angle of the cone varies"
+    """width and height of the sensors, of the cone and where numbers are compared"""
+    cone_distance_mm: fields.Positive = 1000.0
+    """distance of cameras on a cone"""
+    cone_deg: fields.Angle = 55.0
+    """angle of the cone, from the normal"""
+    cone_cameras: Annotated[fields.Whole, Field(ge=3, le=100)] = 6
+    """cameras where the angle of the cone varies"""
+    amplitude_mm: fields.Positive = setups.assumed_values("beam")["amplitude_mm"]
+    """peak of the beam's vibration at equal pixel rates"""
+    small_amplitude_mm: fields.Positive = 0.02
+    """peak of a vibration far below a pixel"""
+    pixels_per_second: Annotated[fields.Real, Field(ge=1e4, le=1e13)] = float(
+        2 * math.prod(FULL_HD) * setups.setup_table("experiment", "rig")["frame_rate_hz"]
     )
-    amplitude_mm: fields.Positive = Field(
-        setups.assumed_values("beam")["amplitude_mm"],
-        description="peak of the beam's vibration at equal pixel rates",
-    )
-    small_amplitude_mm: fields.Positive = Field(
-        0.02, description="peak of a vibration far below a pixel"
-    )
-    pixels_per_second: Annotated[fields.Real, Field(ge=1e4, le=1e13)] = Field(
-        float(2 * math.prod(FULL_HD) * setups.setup_table("experiment", "rig")["frame_rate_hz"]),
-        description="pixels per second of all cameras together; the default is two cameras of "
-        "chapter 5",
-    )
-    counts: fields.Several[Count] = Field(
-        [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64],
-        description="numbers of cameras that share the pixels",
-    )
-    frame_rates_hz: fields.Several[fields.Positive] = Field(
-        [60.0, 240.0, 960.0], description="frames per second that each of them takes"
-    )
-    frequency_hz: fields.Positive = Field(
-        7.3,
-        description="frequency of the vibration that is fitted, at most 0.4 of the lowest frame "
-        "rate",
-    )
-    duration_s: Annotated[fields.Real, Field(gt=0, le=10)] = Field(
-        1.0, description="how long it is recorded"
-    )
+    """pixels per second of all cameras together; the default is two cameras of chapter 5"""
+    counts: fields.Several[Count] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64]
+    """numbers of cameras that share the pixels"""
+    frame_rates_hz: fields.Several[fields.Positive] = [60.0, 240.0, 960.0]
+    """frames per second that each of them takes"""
+    frequency_hz: fields.Positive = 7.3
+    """frequency of the vibration that is fitted, at most 0.4 of the lowest frame rate"""
+    duration_s: Annotated[fields.Real, Field(gt=0, le=10)] = 1.0
+    """how long it is recorded"""
     trials: fields.Shifts = 200
 
     @property

@@ -34,61 +34,44 @@ class Cameras(Study):
             "2/3 inch": (8.8, 6.6),
         },
         min_length=1,
-        description='sensors by name, each with width and height, such as {"full frame": [36, 24]}',
     )
-    focal_lengths_mm: fields.Several[fields.Positive] = Field(
-        [8.0, 12.0, 16.0, 24.0, 35.0, 50.0, 85.0, 135.0],
-        description="focal lengths of which angles of view are computed",
+    """sensors by name, each with width and height, such as {"full frame": [36, 24]}"""
+    focal_lengths_mm: fields.Several[fields.Positive] = [
+        8.0, 12.0, 16.0, 24.0, 35.0, 50.0, 85.0, 135.0
+    ]  # fmt: skip
+    """focal lengths of which angles of view are computed"""
+    format_widths_px: fields.Several[fields.Width] = [800, 1024, 1280, 1600]
+    """widths of images in the formats 4:3 and 3:2"""
+    focal_length_mm: fields.Positive = setups.assumed_values("beam")["focal_length_mm"]
+    """focal length of the lens everywhere else"""
+    sensor_width_mm: fields.Positive = setups.assumed_values("beam")["sensor_width_mm"]
+    """width of the sensor everywhere else"""
+    resolution_px: fields.Resolution = tuple(
+        setups.setup_table("beam", "distance")["resolution_px"]
     )
-    format_widths_px: fields.Several[fields.Width] = Field(
-        [800, 1024, 1280, 1600], description="widths of images in the formats 4:3 and 3:2"
-    )
-    focal_length_mm: fields.Positive = Field(
-        setups.assumed_values("beam")["focal_length_mm"],
-        description="focal length of the lens everywhere else",
-    )
-    sensor_width_mm: fields.Positive = Field(
-        setups.assumed_values("beam")["sensor_width_mm"],
-        description="width of the sensor everywhere else",
-    )
-    resolution_px: fields.SensorSize = Field(
-        tuple(setups.setup_table("beam", "distance")["resolution_px"]),
-        description="width and height of the images that are not drawn",
-    )
-    distances_mm: fields.Several[fields.Positive] = Field(
-        [float(d) for d in setups.setup_table("beam", "distance")["distances_mm"]],
-        description="distances in the tables; curves go from the least to four times the largest",
-    )
-    azimuth_deg: fields.Azimuth = Field(
-        float(setups.setup_table("beam", "distance")["azimuth_deg"]),
-        description="azimuth of the camera that looks at the beam",
-    )
-    elevation_deg: fields.Elevation = Field(
-        float(setups.setup_table("beam", "distance")["elevation_deg"]), description="its elevation"
-    )
-    widths_px: fields.Several[PictureWidth] = Field(
-        [640, 320, 160, 80],
-        description="widths of the drawn images of the beam, from the nearest distance",
-    )
-    marker_mm: Annotated[fields.Real, Field(gt=0, le=25)] = Field(
-        5.0, description="diameter of the drawn markers"
-    )
-    bayer_pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = Field(
-        "RGGB", description="colour filters of the top-left two by two pixels, row by row"
-    )
-    f_numbers: fields.Several[fields.Positive] = Field(
-        [2.8, 5.6, 11.0],
-        description="focal length over diameter of the lens, for the depth of field",
-    )
-    circle_mm: fields.Positive = Field(
-        0.03, description="largest circle of confusion on the sensor that counts as sharp"
-    )
-    baselines_mm: fields.Several[fields.Positive] = Field(
-        [50.0, 150.0, 450.0], description="distances between two parallel cameras"
-    )
-    disparity_error_px: fields.Positive = Field(
-        0.1, description="error of a disparity that is not rounded"
-    )
+    """width and height of the images that are not drawn"""
+    distances_mm: fields.Several[fields.Positive] = [
+        float(d) for d in setups.setup_table("beam", "distance")["distances_mm"]
+    ]
+    """distances in the tables; curves go from the least to four times the largest"""
+    azimuth_deg: fields.Azimuth = float(setups.setup_table("beam", "distance")["azimuth_deg"])
+    """azimuth of the camera that looks at the beam"""
+    elevation_deg: fields.Elevation = float(setups.setup_table("beam", "distance")["elevation_deg"])
+    """its elevation"""
+    widths_px: fields.Several[PictureWidth] = [640, 320, 160, 80]
+    """widths of the drawn images of the beam, from the nearest distance"""
+    marker_mm: Annotated[fields.Real, Field(gt=0, le=25)] = 5.0
+    """diameter of the drawn markers"""
+    bayer_pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = "RGGB"
+    """colour filters of the top-left two by two pixels, row by row"""
+    f_numbers: fields.Several[fields.Positive] = [2.8, 5.6, 11.0]
+    """focal length over diameter of the lens, for the depth of field"""
+    circle_mm: fields.Positive = 0.03
+    """largest circle of confusion on the sensor that counts as sharp"""
+    baselines_mm: fields.Several[fields.Positive] = [50.0, 150.0, 450.0]
+    """distances between two parallel cameras"""
+    disparity_error_px: fields.Positive = 0.1
+    """error of a disparity that is not rounded"""
     trials: fields.Shifts = Field(
         200, description="random shifts of the pixel grids of the parallel pair"
     )

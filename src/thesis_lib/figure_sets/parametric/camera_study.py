@@ -43,33 +43,25 @@ class CameraStudy(Study):
 
     focal_length_mm: fields.FocalLength = Field(BEAM_READING["focal_length_mm"])
     sensor_width_mm: fields.SensorWidth = Field(BEAM_READING["sensor_width_mm"])
-    amplitude_mm: fields.Positive | list[fields.Positive] | Literal["force"] = Field(
-        BEAM_READING["amplitude_mm"],
-        description="peak of the deflection over the structure, for each mode if it is a list; "
-        '"force" is the response to 1 N',
-    )
-    rest: Literal["rebuilt", "known"] = Field(
-        BEAM_READING["rest"],
-        description="whether the rest position is rebuilt from rounded pixels or known",
-    )
-    azimuth_zero: Literal["Y", "X"] = Field(
-        BEAM_READING["azimuth_zero"],
-        description="axis from which azimuths are measured, towards the other one",
-    )
-    principal_offset_px: Annotated[fields.Real, Field(ge=-0.5, le=0.5)] = Field(
-        BEAM_READING["principal_offset_px"],
-        description="how far right and down of the sensor's middle the principal point is",
-    )
-    estimator: fields.Estimator = Field(
-        "least-squares",
-        description="how points are estimated from rounded pixels; the thesis takes least squares",
-    )
-    noise_px: Annotated[fields.Real, Field(ge=0, le=10)] = Field(
-        0.0,
-        description="standard deviation of noise in the images before they are rounded; interval "
-        "is told it",
-    )
-    modes: fields.Several[fields.Mode] = Field([1, 2, 3], description="modes to measure")
+    amplitude_mm: fields.Positive | list[fields.Positive] | Literal["force"] = BEAM_READING[
+        "amplitude_mm"
+    ]
+    """peak of the deflection over the structure, for each mode if it is a list; "force" is the
+    response to 1 N"""
+    rest: Literal["rebuilt", "known"] = BEAM_READING["rest"]
+    """whether the rest position is rebuilt from rounded pixels or known"""
+    azimuth_zero: Literal["Y", "X"] = BEAM_READING["azimuth_zero"]
+    """axis from which azimuths are measured, towards the other one"""
+    principal_offset_px: Annotated[fields.Real, Field(ge=-0.5, le=0.5)] = BEAM_READING[
+        "principal_offset_px"
+    ]
+    """how far right and down of the sensor's middle the principal point is"""
+    estimator: fields.Estimator = "least-squares"
+    """how points are estimated from rounded pixels; the thesis takes least squares"""
+    noise_px: Annotated[fields.Real, Field(ge=0, le=10)] = 0.0
+    """standard deviation of noise in the images before they are rounded; interval is told it"""
+    modes: fields.Several[fields.Mode] = [1, 2, 3]
+    """modes to measure"""
 
     def thesis_settings(self) -> list[setups.Setting]:
         """Return the study's settings with azimuths as they are given."""

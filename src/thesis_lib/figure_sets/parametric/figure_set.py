@@ -48,11 +48,11 @@ class Distance(CameraStudy):
     varied = "distance_mm"
     varied_label = "distance d"
 
-    distances_mm: fields.Several[fields.Positive] = Field(
-        ..., description="distances of the pair from the structure's centre, beyond its reach"
-    )
+    distances_mm: fields.Several[fields.Positive]
+    """distances of the pair from the structure's centre, beyond its reach"""
     azimuth_deg: OfPair
-    elevation_deg: fields.Elevation = Field(..., description="elevation of the cameras")
+    elevation_deg: fields.Elevation
+    """elevation of the cameras"""
     resolution_px: fields.SensorSize
 
     def thesis_settings(self) -> list[setups.Setting]:
@@ -70,16 +70,14 @@ class Aperture(CameraStudy):
     varied = "aperture_deg"
     varied_label = "aperture α"
 
-    cases: fields.Several[Literal["2a", "2b", "2c", "2d"]] = Field(
-        ["2a", "2b", "2c", "2d"], description="cases to run"
-    )
-    half_apertures_deg: fields.Several[fields.HalfAperture] = Field(
-        ..., description="half of the azimuths between the cameras, cases 2a and 2c"
-    )
-    elevations_deg: fields.Several[fields.Elevation] = Field(
-        ..., description="elevations of the cameras, cases 2b and 2d"
-    )
-    elevation_deg: fields.Elevation = Field(..., description="elevation in cases 2a and 2c")
+    cases: fields.Several[Literal["2a", "2b", "2c", "2d"]] = ["2a", "2b", "2c", "2d"]
+    """cases to run"""
+    half_apertures_deg: fields.Several[fields.HalfAperture]
+    """half of the azimuths between the cameras, cases 2a and 2c"""
+    elevations_deg: fields.Several[fields.Elevation]
+    """elevations of the cameras, cases 2b and 2d"""
+    elevation_deg: fields.Elevation
+    """elevation in cases 2a and 2c"""
     distance_mm: FromCentre
     resolution_px: fields.SensorSize
 
@@ -103,12 +101,12 @@ class Resolutions(CameraStudy):
     varied = "width_px"
     varied_label = "resolution"
 
-    widths_px: fields.Several[fields.Width] = Field(
-        ..., description="widths of the sensors; heights are 9/16 of them"
-    )
+    widths_px: fields.Several[fields.Width]
+    """widths of the sensors; heights are 9/16 of them"""
     distance_mm: FromCentre
     azimuth_deg: OfPair
-    elevation_deg: fields.Elevation = Field(..., description="elevation of the cameras")
+    elevation_deg: fields.Elevation
+    """elevation of the cameras"""
 
     def thesis_settings(self) -> list[setups.Setting]:
         """Return one setting per width."""
@@ -125,17 +123,15 @@ class Arrays(CameraStudy):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    cases: list[Case] = Field(["4a", "4a'", "4b", "4c", "4d", "4e"], description="cases to run")
-    pair_order: dict[Case, Order] = Field(
-        {}, description='order of adding pairs by case, over the default {"4d": "reversed"}'
-    )
+    cases: list[Case] = ["4a", "4a'", "4b", "4c", "4d", "4e"]
+    """cases to run"""
+    pair_order: dict[Case, Order] = {}
+    """order of adding pairs by case, over the default {"4d": "reversed"}"""
     layouts: dict[
         Annotated[fields.Name, _AS_TYPED], Annotated[Layout, Field(min_length=1, max_length=50)]
-    ] = Field(
-        {},
-        description="your own layouts: name to a list of growing sets of [azimuth, elevation] in "
-        'degrees, such as {"mine": [[[0, 20], [90, 20]]]}',
-    )
+    ] = {}
+    """your own layouts: name to a list of growing sets of [azimuth, elevation] in degrees, such as
+    {"mine": [[[0, 20], [90, 20]]]}"""
     distance_mm: FromCentre
     resolution_px: fields.SensorSize
 
@@ -184,9 +180,8 @@ class Perforated(Arrays):
 class BeamMarkers(fields.Fields):
     """Parameters of the beam."""
 
-    first_marker_mm: Annotated[fields.Real, Field(ge=0, le=23)] = Field(
-        ..., description="distance of the first marker from the clamp"
-    )
+    first_marker_mm: Annotated[fields.Real, Field(ge=0, le=23)]
+    """distance of the first marker from the clamp"""
 
     @property
     def structure(self) -> Structure:
@@ -224,33 +219,27 @@ SHAPE_FIELDS = {
 class ShapeMarkers(PlateMarkers):
     """Parameters of a plate of any shape."""
 
-    outline_mm: Annotated[list[Corner], Field(min_length=3, max_length=40)] = Field(
-        ...,
-        description="corners of the outline, one after the other; the least x and the least y "
-        "are 0",
-    )
+    outline_mm: Annotated[list[Corner], Field(min_length=3, max_length=40)]
+    """corners of the outline, one after the other; the least x and the least y are 0"""
     circles_mm: Annotated[
         list[tuple[Coordinate, Coordinate, fields.Positive]], Field(max_length=20)
-    ] = Field(..., description="round holes [x, y, radius] that do not touch")
+    ]
+    """round holes [x, y, radius] that do not touch"""
     cutouts_mm: Annotated[
         list[Annotated[tuple[Corner, ...], Field(min_length=3, max_length=40)]],
         Field(max_length=10),
-    ] = Field(..., description="holes with corners")
-    support: Support = Field(
-        "simply supported", description="how the outline is held; edges of holes are free"
-    )
-    edge_supports: dict[Edge, Support] = Field(
-        {},
-        description="edges of the outline that are held otherwise, by number: 1 goes from the "
-        'first corner to the second, such as {"2": "free"}',
-    )
-    force_mm: Corner = Field(
-        (1000 * FORCE_AT[0], 1000 * FORCE_AT[1]),
-        description='where the force acts, if amplitude_mm is "force"',
-    )
-    element_mm: Annotated[fields.Real, Field(gt=0, le=1000)] = Field(
-        10.0, description="length of the sides of the finite elements"
-    )
+    ]
+    """holes with corners"""
+    support: Support = "simply supported"
+    """how the outline is held; edges of holes are free"""
+    edge_supports: dict[Edge, Support] = {}
+    """edges of the outline that are held otherwise, by number: 1 goes from the first corner to the
+    second, such as {"2": "free"}"""
+    force_mm: Corner = (1000 * FORCE_AT[0], 1000 * FORCE_AT[1])
+    """where the force acts, if amplitude_mm is "force"
+    """
+    element_mm: Annotated[fields.Real, Field(gt=0, le=1000)] = 10.0
+    """length of the sides of the finite elements"""
 
     @property
     def structure(self) -> Panel:

@@ -50,35 +50,25 @@ class Planner(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    counts: fields.Several[Count] = Field(
-        [2, 4, 8, 12], max_length=8, description="numbers of cameras"
-    )
+    counts: fields.Several[Count] = Field([2, 4, 8, 12], max_length=8)
+    """numbers of cameras"""
     resolutions_px: fields.Several[fields.Resolution] = Field(
-        [(320, 180), (640, 360), (1280, 720)],
-        max_length=8,
-        description="cameras to choose from: width and height of their images",
+        [(320, 180), (640, 360), (1280, 720)], max_length=8
     )
+    """cameras to choose from: width and height of their images"""
     focal_length_mm: fields.FocalLength = setups.assumed_values("beam")["focal_length_mm"]
     sensor_width_mm: fields.SensorWidth = setups.assumed_values("beam")["sensor_width_mm"]
-    beam_amplitude_mm: fields.Positive = Field(
-        setups.assumed_values("beam")["amplitude_mm"],
-        description="peak of the beam's deflection in every mode",
-    )
-    plate_amplitude_mm: fields.Positive = Field(
-        setups.assumed_values("plate")["amplitude_mm"],
-        description="peak of the plate's deflection in every mode",
-    )
-    elevation_deg: Annotated[fields.Real, Field(ge=0, lt=90)] = Field(
-        5.0, description="lowest elevation of a camera"
-    )
-    tilt_deg: Tilt = Field(
-        75.0,
-        description="largest angle to a marker's normal at which it is read, where that is asked",
-    )
+    beam_amplitude_mm: fields.Positive = setups.assumed_values("beam")["amplitude_mm"]
+    """peak of the beam's deflection in every mode"""
+    plate_amplitude_mm: fields.Positive = setups.assumed_values("plate")["amplitude_mm"]
+    """peak of the plate's deflection in every mode"""
+    elevation_deg: Annotated[fields.Real, Field(ge=0, lt=90)] = 5.0
+    """lowest elevation of a camera"""
+    tilt_deg: Tilt = 75.0
+    """largest angle to a marker's normal at which it is read, where that is asked"""
     separation_mm: fields.Separation = 50.0
-    target_percent: fields.Positive = Field(
-        5.0, description="wanted error of the worst mode, for which the cheapest layout is sought"
-    )
+    target_percent: fields.Positive = 5.0
+    """wanted error of the worst mode, for which the cheapest layout is sought"""
     step_deg: fields.Step = 10.0
     starts: fields.Starts = 2
     trials: fields.Shifts = Field(

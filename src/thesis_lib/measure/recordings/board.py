@@ -100,32 +100,32 @@ class Board:
 class BoardSpec(Fields):
     """The calibration board."""
 
-    kind: Literal["checkerboard", "charuco"] = Field(
-        "checkerboard",
-        description="whether its light tiles are empty, or carry ArUco marks as OpenCV's "
-        "CharucoBoard has them",
-    )
-    columns: Whole = Field(9, ge=4, le=100, description="tiles along x")
-    rows: Whole = Field(9, ge=4, le=100, description="tiles along y")
-    tile_mm: Positive = Field(45.0, description="side of a tile")
-    margin_mm: Real = Field(45.0, ge=0, le=1e5, description="width of the white margin")
+    kind: Literal["checkerboard", "charuco"] = "checkerboard"
+    """whether its light tiles are empty, or carry ArUco marks as OpenCV's CharucoBoard has them"""
+    columns: Whole = Field(9, ge=4, le=100)
+    """tiles along x"""
+    rows: Whole = Field(9, ge=4, le=100)
+    """tiles along y"""
+    tile_mm: Positive = 45.0
+    """side of a tile"""
+    margin_mm: Real = Field(45.0, ge=0, le=1e5)
+    """width of the white margin"""
     mark_mm: Positive | None = Field(
         default_factory=lambda data: (
             round(MARK_RATIO * data.get("tile_mm", 0), 9) if _mark_default(data) else None
-        ),
-        description="side of a mark",
+        )
     )
+    """side of a mark"""
     dictionary: str | None = Field(
         default_factory=lambda data: MARK_DICTIONARY if _mark_default(data) else None,
         pattern=r"^DICT_(4X4|5X5|6X6|7X7)_(50|100|250|1000)$",
         title="null, or DICT_4X4_50 to DICT_7X7_1000",
-        description="OpenCV's name of the dictionary that the marks are of",
     )
-    two_sided: Flag = Field(
-        default_factory=lambda data: not _mark_default(data),
-        description="whether it is printed on both sides",
-    )
-    thickness_mm: Real = Field(0.0, ge=0, le=100, description="distance of the two printed sides")
+    """OpenCV's name of the dictionary that the marks are of"""
+    two_sided: Flag = Field(default_factory=lambda data: not _mark_default(data))
+    """whether it is printed on both sides"""
+    thickness_mm: Real = Field(0.0, ge=0, le=100)
+    """distance of the two printed sides"""
 
     @model_validator(mode="after")
     def _check(self) -> BoardSpec:
@@ -260,31 +260,26 @@ def _thesis_layout(given: dict[str, Any]) -> bool:
 class MarkersSpec(Fields):
     """Round markers on the structure: rows along it, or any given places."""
 
-    rows: Count = Field(3, description="rows of markers, side by side")
-    columns: Count = Field(
-        default_factory=beam_default("n_markers"), description="markers in each row"
-    )
-    spacing_mm: Positive = Field(
-        default_factory=beam_default("marker_spacing", 1000),
-        description="distance between centres along a row",
-    )
-    row_spacing_mm: Positive = Field(10.0, description="distance between rows")
-    diameter_mm: Positive = Field(5.0, description="diameter of the markers")
-    points_mm: tuple[Place, ...] | None = Field(
-        None,
-        min_length=4,
-        max_length=2000,
-        description="places of markers in no rows, from the clamped corner; replaces rows and "
-        "columns",
-    )
-    tone: Literal["dark", "bright"] = Field(
-        "dark", description="whether they are darker or brighter than the structure"
-    )
-    detector: Literal["disc"] = Field("disc", description="what finds them in a frame")
+    rows: Count = 3
+    """rows of markers, side by side"""
+    columns: Count = Field(default_factory=beam_default("n_markers"))
+    """markers in each row"""
+    spacing_mm: Positive = Field(default_factory=beam_default("marker_spacing", 1000))
+    """distance between centres along a row"""
+    row_spacing_mm: Positive = 10.0
+    """distance between rows"""
+    diameter_mm: Positive = 5.0
+    """diameter of the markers"""
+    points_mm: tuple[Place, ...] | None = Field(None, min_length=4, max_length=2000)
+    """places of markers in no rows, from the clamped corner; replaces rows and columns"""
+    tone: Literal["dark", "bright"] = "dark"
+    """whether they are darker or brighter than the structure"""
+    detector: Literal["disc"] = "disc"
+    """what finds them in a frame"""
     hole_mm: Place | None = Field(
-        default_factory=lambda data: (24.0, 10.0) if _thesis_layout(data) else None,
-        description="a hole that looks like a marker, from the clamped corner",
+        default_factory=lambda data: (24.0, 10.0) if _thesis_layout(data) else None
     )
+    """a hole that looks like a marker, from the clamped corner"""
 
 
 def rows_on(

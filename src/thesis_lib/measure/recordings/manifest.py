@@ -33,49 +33,45 @@ RENAMED_KINDS = {"tone": "sine", "tones": "multisine", "decay": "free_decay"}
 class CameraFiles(Fields):
     """One camera and its files."""
 
-    name: fields.Name = Field(..., description="its name")
-    video: FileName = Field(..., description="video with the structure's vibration and its sound")
-    width_px: fields.Width = Field(1920, description="width of the images")
-    height_px: fields.Width = Field(1080, description="height of the images")
-    frame_rate_hz: Real = Field(60.0, ge=1, le=1e5, description="frames per second of the video")
-    captured_hz: Real | None = Field(
-        None,
-        ge=1,
-        le=1e5,
-        description="frames per second that the camera took, of slow motion that plays slowly; "
-        "null is frame_rate_hz",
-    )
-    exposure_s: Real = Field(..., gt=0, le=1, description="exposure time of a frame")
-    readout_s: Real = Field(
-        0.0,
-        ge=-1,
-        le=1,
-        description="time from the first row's exposure to the last row's; 0 for a global shutter",
-    )
+    name: fields.Name
+    """its name"""
+    video: FileName
+    """video with the structure's vibration and its sound"""
+    width_px: fields.Width = 1920
+    """width of the images"""
+    height_px: fields.Width = 1080
+    """height of the images"""
+    frame_rate_hz: Real = Field(60.0, ge=1, le=1e5)
+    """frames per second of the video"""
+    captured_hz: Real | None = Field(None, ge=1, le=1e5)
+    """frames per second that the camera took, of slow motion that plays slowly; null is
+    frame_rate_hz"""
+    exposure_s: Real = Field(..., gt=0, le=1)
+    """exposure time of a frame"""
+    readout_s: Real = Field(0.0, ge=-1, le=1)
+    """time from the first row's exposure to the last row's; 0 for a global shutter"""
     board_images: FileName | tuple[FileName | None, ...] | None = Field(
         None,
         title="null, a folder of images, a pattern such as board/A-*.png, or a list of 3 to 200 "
         "files with null where there is none, each inside the manifest's folder",
-        description="images of the calibration board; the k-th of every camera shows the same "
-        "pose; null if calibration has the cameras' places",
     )
-    corners_px: tuple[Place, Place, Place, Place] | None = Field(
-        None,
-        description="where the structure's corners lie in the images: at (0, 0), (length, 0), "
-        "(length, width), (0, width)",
-    )
-    focal_length_mm: Positive | None = Field(None, description="focal length of the lens")
-    sensor_width_mm: Positive | None = Field(None, description="width of the sensor")
-    f_number: Positive | None = Field(None, description="focal length over the aperture's diameter")
-    distance_mm: Positive | None = Field(
-        None, description="distance from the structure's centre, which the camera looks at"
-    )
-    azimuth_deg: fields.Azimuth | None = Field(
-        None, description="direction of the camera from +Y towards +X"
-    )
-    elevation_deg: fields.Elevation | None = Field(
-        None, description="direction of the camera above the structure's plane"
-    )
+    """images of the calibration board; the k-th of every camera shows the same pose; null if
+    calibration has the cameras' places"""
+    corners_px: tuple[Place, Place, Place, Place] | None = None
+    """where the structure's corners lie in the images: at (0, 0), (length, 0), (length, width), (0,
+    width)"""
+    focal_length_mm: Positive | None = None
+    """focal length of the lens"""
+    sensor_width_mm: Positive | None = None
+    """width of the sensor"""
+    f_number: Positive | None = None
+    """focal length over the aperture's diameter"""
+    distance_mm: Positive | None = None
+    """distance from the structure's centre, which the camera looks at"""
+    azimuth_deg: fields.Azimuth | None = None
+    """direction of the camera from +Y towards +X"""
+    elevation_deg: fields.Elevation | None = None
+    """direction of the camera above the structure's plane"""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -108,22 +104,22 @@ class CameraFiles(Fields):
 class Manifest(Fields):
     """Recordings of one structure by 2 to 16 cameras."""
 
-    structure: StructureSpec = Field(default_factory=StructureSpec, description="the structure")
-    cameras: tuple[CameraFiles, ...] = Field(
-        ..., min_length=2, max_length=16, description="the cameras"
-    )
-    board: BoardSpec = Field(default_factory=BoardSpec, description="the calibration board")
-    excitation: Excitation = Field(default_factory=Excitation, description="the excitation")
-    calibration: parts.Reuse | None = Field(
-        None,
-        title="null, a path, or an object",
-        description="a calibration that is reused; null calibrates from the board images",
-    )
-    force: parts.Force | None = Field(
-        None, description="the force that was recorded beside the cameras, for motion over force"
-    )
-    radiation: parts.Radiation | None = Field(None, description="the sound that is wanted of it")
-    truth: FileName | None = Field(None, description="truth of a rendered recording")
+    structure: StructureSpec = Field(default_factory=StructureSpec)
+    """the structure"""
+    cameras: tuple[CameraFiles, ...] = Field(..., min_length=2, max_length=16)
+    """the cameras"""
+    board: BoardSpec = Field(default_factory=BoardSpec)
+    """the calibration board"""
+    excitation: Excitation = Field(default_factory=Excitation)
+    """the excitation"""
+    calibration: parts.Reuse | None = Field(None, title="null, a path, or an object")
+    """a calibration that is reused; null calibrates from the board images"""
+    force: parts.Force | None = None
+    """the force that was recorded beside the cameras, for motion over force"""
+    radiation: parts.Radiation | None = None
+    """the sound that is wanted of it"""
+    truth: FileName | None = None
+    """truth of a rendered recording"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

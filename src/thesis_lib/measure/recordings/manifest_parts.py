@@ -27,36 +27,28 @@ if TYPE_CHECKING:
 class StructureSpec(Fields):
     """The structure that is filmed."""
 
-    kind: Literal["beam", "plate", "flat"] = Field(
-        "beam", description="what it is, which gives the model that shapes are compared with"
-    )
-    length_mm: Positive = Field(
-        default_factory=beam_default("length", 1000), description="length along x"
-    )
-    width_mm: Positive = Field(
-        default_factory=beam_default("width", 1000), description="width along y"
-    )
-    thickness_mm: Positive = Field(
-        default_factory=beam_default("thickness", 1000), description="thickness"
-    )
-    density_kg_m3: Positive = Field(default_factory=beam_default("density"), description="density")
-    youngs_modulus_pa: Real = Field(
-        default_factory=beam_default("youngs_modulus"), gt=0, le=1e13, description="Young's modulus"
-    )
-    poissons_ratio: Real = Field(
-        0.3, ge=0, le=0.5, description="Poisson's ratio, which a plate's model needs"
-    )
-    damping: Real = Field(
-        default_factory=beam_default("damping"), gt=0, lt=0.7, description="modal damping ratio"
-    )
-    force_position_mm: Positive = Field(
-        default_factory=beam_default("force_position", 1000),
-        description="distance of the force from x = 0, a beam's clamp",
-    )
-    force_across_mm: Positive | None = Field(
-        None, description="distance of the force from y = 0; null is half the width"
-    )
-    markers: MarkersSpec = Field(default_factory=MarkersSpec, description="its markers")
+    kind: Literal["beam", "plate", "flat"] = "beam"
+    """what it is, which gives the model that shapes are compared with"""
+    length_mm: Positive = Field(default_factory=beam_default("length", 1000))
+    """length along x"""
+    width_mm: Positive = Field(default_factory=beam_default("width", 1000))
+    """width along y"""
+    thickness_mm: Positive = Field(default_factory=beam_default("thickness", 1000))
+    """thickness"""
+    density_kg_m3: Positive = Field(default_factory=beam_default("density"))
+    """density"""
+    youngs_modulus_pa: Real = Field(default_factory=beam_default("youngs_modulus"), gt=0, le=1e13)
+    """Young's modulus"""
+    poissons_ratio: Real = Field(0.3, ge=0, le=0.5)
+    """Poisson's ratio, which a plate's model needs"""
+    damping: Real = Field(default_factory=beam_default("damping"), gt=0, lt=0.7)
+    """modal damping ratio"""
+    force_position_mm: Positive = Field(default_factory=beam_default("force_position", 1000))
+    """distance of the force from x = 0, a beam's clamp"""
+    force_across_mm: Positive | None = None
+    """distance of the force from y = 0; null is half the width"""
+    markers: MarkersSpec = Field(default_factory=MarkersSpec)
+    """its markers"""
 
     @model_validator(mode="after")
     def _check(self) -> StructureSpec:
@@ -108,21 +100,15 @@ class StructureSpec(Fields):
 class Sought(Fields):
     """Which modes or tones are looked for, where there are several."""
 
-    from_hz: Positive = Field(2.0, description="lowest frequency")
-    to_hz: Positive | None = Field(
-        None,
-        description="highest frequency; null is half of the lowest frame rate, above which "
-        "cameras must differ in rate or start",
-    )
-    count: Whole | None = Field(
-        None, ge=1, le=20, description="how many; null takes all that stand out of the noise"
-    )
-    near_hz: tuple[Positive, ...] | None = Field(
-        None,
-        min_length=1,
-        max_length=20,
-        description="frequencies near which they are; replaces count",
-    )
+    from_hz: Positive = 2.0
+    """lowest frequency"""
+    to_hz: Positive | None = None
+    """highest frequency; null is half of the lowest frame rate, above which cameras must differ in
+    rate or start"""
+    count: Whole | None = Field(None, ge=1, le=20)
+    """how many; null takes all that stand out of the noise"""
+    near_hz: tuple[Positive, ...] | None = Field(None, min_length=1, max_length=20)
+    """frequencies near which they are; replaces count"""
 
     @model_validator(mode="after")
     def _check(self) -> Sought:
@@ -192,15 +178,12 @@ Channel = Annotated[Whole, Field(ge=1, le=64)]
 class Sweep(Fields):
     """A force whose frequency goes from one to another."""
 
-    from_hz: Positive | None = Field(
-        None, description="frequency at its begin; null looks in the force"
-    )
-    to_hz: Positive | None = Field(
-        None, description="frequency at its end; null looks in the force"
-    )
-    duration_s: Positive | None = Field(
-        None, description="how long it takes; null looks in the force"
-    )
+    from_hz: Positive | None = None
+    """frequency at its begin; null looks in the force"""
+    to_hz: Positive | None = None
+    """frequency at its end; null looks in the force"""
+    duration_s: Positive | None = None
+    """how long it takes; null looks in the force"""
 
     @model_validator(mode="after")
     def _check(self) -> Sweep:
@@ -212,34 +195,24 @@ class Sweep(Fields):
 class Force(Fields):
     """A force, and where it acts."""
 
-    file: FileName = Field(
-        ...,
-        description="its recording: a sound file, a video whose sound track carries it, or a "
-        "table (.csv, .txt, .tsv, .dat, .lvm) of time and force",
-    )
-    full_scale_n: Positive | None = Field(
-        None, description="force in N at full scale of a sound file"
-    )
-    channel: Channel = Field(1, description="which channel of a sound file carries it")
-    sound_channel: Channel | None = Field(
-        None,
-        description="which channel has a sound that the first camera recorded, too, by which the "
-        "clocks are compared; null takes that of the force",
-    )
-    offset_s: Annotated[Real, Field(ge=-1e5, le=1e5)] | None = Field(
-        None, description="when the file begins on the first camera's clock; null finds it by sound"
-    )
-    at_mm: Place | None = Field(
-        None,
-        description="where it acts, from the clamped corner; null is the structure's "
-        "force_position_mm and force_across_mm",
-    )
-    segment_s: Positive | Literal["whole"] | None = Field(
-        None,
-        description="length of the parts that are averaged; whole is for what begins and ends at "
-        "rest; null takes whole for a decay or a sweep, and an eighth of the recording for "
-        "random",
-    )
+    file: FileName
+    """its recording: a sound file, a video whose sound track carries it, or a table (.csv, .txt,
+    .tsv, .dat, .lvm) of time and force"""
+    full_scale_n: Positive | None = None
+    """force in N at full scale of a sound file"""
+    channel: Channel = 1
+    """which channel of a sound file carries it"""
+    sound_channel: Channel | None = None
+    """which channel has a sound that the first camera recorded, too, by which the clocks are
+    compared; null takes that of the force"""
+    offset_s: Annotated[Real, Field(ge=-1e5, le=1e5)] | None = None
+    """when the file begins on the first camera's clock; null finds it by sound"""
+    at_mm: Place | None = None
+    """where it acts, from the clamped corner; null is the structure's force_position_mm and
+    force_across_mm"""
+    segment_s: Positive | Literal["whole"] | None = None
+    """length of the parts that are averaged; whole is for what begins and ends at rest; null takes
+    whole for a decay or a sweep, and an eighth of the recording for random"""
 
     @property
     def is_table(self) -> bool:
@@ -264,48 +237,33 @@ class Force(Fields):
 class Excitation(Fields):
     """How the structure is driven, and what the sound tracks carry."""
 
-    kind: Kind = Field(
-        "sine",
-        description="what is filmed after rest_duration_s: a steady sine, several, the free decay "
-        "after a tap or a release, or the motion that a force causes as a sweep or as noise",
-    )
-    modes: Sought = Field(
-        default_factory=Sought, description="which modes, where kind is multisine or free_decay"
-    )
-    sweep: Sweep = Field(default_factory=Sweep, description="the sweep, where kind is sweep")
+    kind: Kind = "sine"
+    """what is filmed after rest_duration_s: a steady sine, several, the free decay after a tap or a
+    release, or the motion that a force causes as a sweep or as noise"""
+    modes: Sought = Field(default_factory=Sought)
+    """which modes, where kind is multisine or free_decay"""
+    sweep: Sweep = Field(default_factory=Sweep)
+    """the sweep, where kind is sweep"""
     frequency_hz: Positive | None = Field(
         default_factory=lambda data: (
             4.25 if EXCITATION_KINDS[data.get("kind", "sine")].has_one_frequency else None
-        ),
-        description="frequency of the vibration; null looks for it",
+        )
     )
-    undersampled: Flag = Field(
-        False,
-        description="whether frequency_hz is so well known that it may exceed half of the frame "
-        "rate",
-    )
-    amplitude_mm: Positive | None = Field(
-        None, description="largest deflection that is expected, for the warnings before measuring"
-    )
-    sound: Literal["force", "room", "none"] = Field(
-        "force",
-        description="what the sound tracks carry: the force's signal, what microphones hear, or "
-        "none that is needed, since the vibration is steady and the images tell its phase",
-    )
-    steady_interval_s: tuple[Real, Real] | None = Field(
-        None,
-        description="from when to when the vibration is steady, on the first camera's clock; "
-        "null looks for it in the force's signal, or takes all after rest_duration_s",
-    )
-    rest_duration_s: Real = Field(
-        1.0,
-        ge=0,
-        le=3600,
-        description="time at rest at the start; 0 without sound if there is none",
-    )
-    force_per_full_scale_n: Positive | None = Field(
-        None, description="force at the sound's full scale"
-    )
+    """frequency of the vibration; null looks for it"""
+    undersampled: Flag = False
+    """whether frequency_hz is so well known that it may exceed half of the frame rate"""
+    amplitude_mm: Positive | None = None
+    """largest deflection that is expected, for the warnings before measuring"""
+    sound: Literal["force", "room", "none"] = "force"
+    """what the sound tracks carry: the force's signal, what microphones hear, or none that is
+    needed, since the vibration is steady and the images tell its phase"""
+    steady_interval_s: tuple[Real, Real] | None = None
+    """from when to when the vibration is steady, on the first camera's clock; null looks for it in
+    the force's signal, or takes all after rest_duration_s"""
+    rest_duration_s: Real = Field(1.0, ge=0, le=3600)
+    """time at rest at the start; 0 without sound if there is none"""
+    force_per_full_scale_n: Positive | None = None
+    """force at the sound's full scale"""
 
     @property
     def behaviour(self) -> Behaviour:
@@ -334,20 +292,14 @@ class Excitation(Fields):
 class Reuse(Fields):
     """A calibration that was made before, here or by another program; a path alone is its file."""
 
-    file: Annotated[str, Field(min_length=1, max_length=500)] = Field(
-        ...,
-        description="folder of an earlier measurement, or of one file for each camera; or a "
-        "file: calibration.nc, YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of "
-        "aniposelib, caliscope or Pose2Sim",
-    )
-    poses: Literal["kept", "anew"] = Field(
-        "kept",
-        description="whether the cameras stand where they stood, or are placed again by this "
-        "folder's board images, which need no lens then",
-    )
-    unit: Literal["m", "mm"] | None = Field(
-        None, description="unit of the file's lengths; null is what the file says, else m"
-    )
+    file: Annotated[str, Field(min_length=1, max_length=500)]
+    """folder of an earlier measurement, or of one file for each camera; or a file: calibration.nc,
+    YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"""
+    poses: Literal["kept", "anew"] = "kept"
+    """whether the cameras stand where they stood, or are placed again by this folder's board
+    images, which need no lens then"""
+    unit: Literal["m", "mm"] | None = None
+    """unit of the file's lengths; null is what the file says, else m"""
 
     @model_validator(mode="before")
     @classmethod
@@ -368,42 +320,29 @@ MIN_SURFACE_MARKERS = 6  # markers that a surface needs
 class Radiation(Fields):
     """What the structure radiates, and where that is wanted."""
 
-    outline_mm: Literal["structure", "hull"] | tuple[Place, ...] = Field(
-        "structure",
-        description="what radiates: length by width, the hull of the markers, or corners from "
-        "the clamped corner",
-    )
-    edges: Literal["by kind"] | tuple[Edge, ...] = Field(
-        "by kind",
-        description="edges of the outline that are held at rest, from each corner to the next; "
-        "by kind: a beam's at x = 0, a plate's four, else none",
-    )
-    between: Literal["model", "spline"] | None = Field(
-        None,
-        description="what is fitted between markers: modes of the model, or a thin plate spline; "
-        "null takes the model where there is one that fits",
-    )
-    points_mm: tuple[Point, ...] = Field(
-        ((0.0, 0.0, 1000.0),),
-        min_length=1,
-        max_length=20,
-        description="where the pressure is wanted: X, Y from the structure's centre, Z above its "
-        "plane",
-    )
-    plane_half_width_mm: Positive | None = Field(
-        None, description="the planes XZ and YZ reach so far; null is the longer side"
-    )
-    plane_bottom_mm: Positive = Field(50.0, description="lowest height of the planes")
-    plane_top_mm: Positive | None = Field(
-        None, description="greatest height of the planes; null is the longer side above the lowest"
-    )
-    wall: Wall = Field(
-        "unknown",
-        description="whether the structure lies in a wall, in whose plane no air flows around "
-        "its edges",
-    )
-    speed_of_sound_m_s: Positive = Field(343.0, description="speed of sound in the air")
-    air_density_kg_m3: Positive = Field(1.21, description="density of the air")
+    outline_mm: Literal["structure", "hull"] | tuple[Place, ...] = "structure"
+    """what radiates: length by width, the hull of the markers, or corners from the clamped corner
+    """
+    edges: Literal["by kind"] | tuple[Edge, ...] = "by kind"
+    """edges of the outline that are held at rest, from each corner to the next; by kind: a beam's
+    at x = 0, a plate's four, else none"""
+    between: Literal["model", "spline"] | None = None
+    """what is fitted between markers: modes of the model, or a thin plate spline; null takes the
+    model where there is one that fits"""
+    points_mm: tuple[Point, ...] = Field(((0.0, 0.0, 1000.0),), min_length=1, max_length=20)
+    """where the pressure is wanted: X, Y from the structure's centre, Z above its plane"""
+    plane_half_width_mm: Positive | None = None
+    """the planes XZ and YZ reach so far; null is the longer side"""
+    plane_bottom_mm: Positive = 50.0
+    """lowest height of the planes"""
+    plane_top_mm: Positive | None = None
+    """greatest height of the planes; null is the longer side above the lowest"""
+    wall: Wall = "unknown"
+    """whether the structure lies in a wall, in whose plane no air flows around its edges"""
+    speed_of_sound_m_s: Positive = 343.0
+    """speed of sound in the air"""
+    air_density_kg_m3: Positive = 1.21
+    """density of the air"""
 
     @property
     def medium(self) -> Medium:
