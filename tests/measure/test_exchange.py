@@ -85,7 +85,7 @@ def measured(tmp_path_factory):
     tracks = recordings(folder)
     data = fitted(tracks)
     moved = time_histories(data, tracks, REST)
-    files.write_formats(folder, files.Measured("shape", data, moved, tracks))
+    files.write_formats(folder, data, moved, tracks)
     return folder, data, moved
 
 

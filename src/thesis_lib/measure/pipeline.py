@@ -197,7 +197,7 @@ def measure_shape(
         storage.write_netcdf(data, part / "measured.nc")
         storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
-        files.write_formats(part, files.Measured("shape", data, moved, inputs.recordings))
+        files.write_formats(part, data, moved, inputs.recordings)
         animation.write_shape(part / "shape", data)
         own, slow = inputs.recordings[0], min(1.0, 1 / (2 * float(data["frequency"])))
         rings = animation.draw_tracks(own, videos[0], float(data["steady"][0]))
@@ -228,7 +228,7 @@ def measure_motion(
     report = build.build_response(data, manifest, notes)
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "response.nc")
-        files.write_formats(part, files.Measured("response", data))
+        files.write_formats(part, data)
         if alone:
             report.write(part)
     return report if alone else report.join(measure_modes(manifest, inputs, out, say, report))
@@ -260,7 +260,7 @@ def measure_modes(
         storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_modes(data), part / "modes.csv")
         text_files.write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
-        files.write_formats(part, files.Measured("modes", data, moved, recordings))
+        files.write_formats(part, data, moved, recordings)
         for k in range(data.sizes["mode"]):
             animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))
         if radiated is not None:

@@ -1,17 +1,15 @@
-"""All files of a measurement that other programs open: one list of formats.
+"""All files of a measurement that other programs open.
 
-A format is a function that takes a path and a :class:`Measured`, and a line in :data:`FORMATS`.
-Below it stand MATLAB's, ParaView's grids of the markers, and modal software's universal files; at
-last, for Python, the motion as SDyPy's dictionaries.
+They are MATLAB's, ParaView's grids of the markers, and modal software's universal files; at last,
+for Python, the motion as SDyPy's dictionaries.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
-from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pyuff
@@ -25,7 +23,6 @@ from thesis_lib.measure.exchange.cameras import write_aniposelib, write_opencv
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 from thesis_lib.templates import render
-from thesis_lib.vision.pinhole import Camera
 
 MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in one row or column
 MAX_EDGE_RATIO = 2.5  # times the middle edge's length, beyond which an edge spans a gap
@@ -37,63 +34,49 @@ SAMPLES_PER_PERIOD = 64  # of the period that is written
 LINES_PER_DATASET = 40  # in one dataset 82, which some programs read to its 125th node only
 MAX_UNEVENNESS = 1e-6  # of a step, within which times or frequencies are even
 
-Content = Literal["shape", "modes", "response", "motion", "cameras"]
 
+def write_formats(
+    folder: Path,
+    data: xr.Dataset,
+    moved: xr.Dataset | None = None,
+    recordings: Sequence[Recording] = (),
+) -> None:
+    """Write a measurement into a folder, in each format of what it holds.
 
-@dataclass(frozen=True)
-class Measured:
-    """What a measurement has to write."""
-
-    result: Literal["shape", "modes", "response"]
-    #: What ``shape_result``, ``modes_result`` or ``estimate_response`` returns
-    data: xr.Dataset
-    #: What :func:`~thesis_lib.measure.exchange.history.time_histories` returns, if there is one
-    motion: xr.Dataset | None = None
-    recordings: Sequence[Recording] = ()  #: The cameras, in the frame of the calibration
-
-    @cached_property
-    def placed_cameras(self) -> list[Camera]:
-        """The cameras in the structure's axes."""
-        R, origin = self.data["frame_rotation"].values, self.data["frame_origin"].values
-        return [
+    Parameters
+    ----------
+    folder : Path
+        A folder that is there.
+    data : xarray.Dataset
+        What ``shape_result``, ``modes_result`` or ``estimate_response`` returns.
+    moved : xarray.Dataset, optional
+        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns; of a shape it is
+        needed.
+    recordings : sequence of Recording
+        The cameras, in the frame of the calibration.
+    """
+    if moved is not None:
+        storage.write_netcdf(moved, folder / "motion.nc")
+        history.write_csv(folder / "motion.csv", moved)
+        write_motion(folder / "motion.uff", data, moved)
+    if "receptance_real" in data:
+        write_response(folder / "response.uff", data)
+    elif "mode" in data.dims:
+        write_modes(folder / "modes.uff", data)
+        for k in range(data.sizes["mode"]):
+            write_vtk(folder / "vtk" / f"mode-{k + 1}", data.isel(mode=k))
+    elif moved is not None:
+        write_uff(folder / "shapes.uff", data)
+        write_matlab(folder / "measured.mat", data, moved)
+        write_vtk(folder / "vtk", data)
+    if recordings:
+        R, origin = data["frame_rotation"].values, data["frame_origin"].values
+        cameras = [  # in the structure's axes
             replace(one, R_camera_world=one.R_camera_world @ R.T, centre=R @ (one.centre - origin))
-            for one in (own.camera for own in self.recordings)
+            for one in (own.camera for own in recordings)
         ]
-
-
-def write_formats(folder: Path, measured: Measured) -> None:
-    """Write a measurement into a folder, in each format of what it holds."""
-    has_motion, has_cameras = measured.motion is not None, len(measured.recordings) > 0
-    there = {measured.result: True, "motion": has_motion, "cameras": has_cameras}
-    for content, name, write in FORMATS:
-        if there.get(content):
-            write(folder / name, measured)
-
-
-def _write_mode_grids(folder: Path, measured: Measured) -> None:
-    for k in range(measured.data.sizes["mode"]):
-        write_vtk(folder / f"mode-{k + 1}", measured.data.isel(mode=k))
-
-
-def _motion_of(measured: Measured) -> xr.Dataset:
-    assert measured.motion is not None  # as `write_formats` sees to
-    return measured.motion
-
-
-FORMATS: tuple[tuple[Content, str, Callable[[Path, Measured], None]], ...] = (
-    ("motion", "motion.nc", lambda path, one: storage.write_netcdf(_motion_of(one), path)),
-    ("motion", "motion.csv", lambda path, one: history.write_csv(path, _motion_of(one))),
-    ("motion", "motion.uff", lambda path, one: write_motion(path, one.data, _motion_of(one))),
-    ("shape", "shapes.uff", lambda path, one: write_uff(path, one.data)),
-    ("shape", "measured.mat", lambda path, one: write_matlab(path, one.data, _motion_of(one))),
-    ("shape", "vtk", lambda path, one: write_vtk(path, one.data)),
-    ("modes", "modes.uff", lambda path, one: write_modes(path, one.data)),
-    ("modes", "vtk", _write_mode_grids),
-    ("response", "response.uff", lambda path, one: write_response(path, one.data)),
-    ("cameras", "cameras.yaml", lambda path, one: write_opencv(path, one.placed_cameras)),
-    ("cameras", "cameras.toml", lambda path, one: write_aniposelib(path, one.placed_cameras)),
-)
-"""Content that a format needs, name of its file or folder, and what writes it."""
+        write_opencv(folder / "cameras.yaml", cameras)
+        write_aniposelib(folder / "cameras.toml", cameras)
 
 
 def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
