@@ -75,7 +75,8 @@ def test_a_camera_that_starts_later_has_a_positive_delay_and_sees_things_earlier
     t = np.arange(RATE) / RATE
     early, late = (np.exp(-(((t + start - 0.6) / 0.002) ** 2)) for start in (0.0, 0.1))
     conforms.closed_form(np.argmax(late) / RATE, 0.5, rtol=1e-6)
-    conforms.closed_form(force_match(early, late, RATE, FREQUENCY).delay, 0.1, atol=1e-6)
+    low, other = (decimate_signal(x, RATE, 4000)[0] for x in (early, late))
+    conforms.closed_form(force_match(low, other, 4000, FREQUENCY).delay, 0.1, atol=1e-6)
 
 
 def test_sound_that_starts_after_the_picture_is_accounted_for(conforms):

@@ -34,8 +34,11 @@ from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Force, Sweep
-from thesis_lib.measure.synchronisation import audio
-from thesis_lib.measure.synchronisation.audio import AudioSource, SynchronisationError
+from thesis_lib.measure.synchronisation.audio import (
+    AudioSource,
+    SynchronisationError,
+    common_rate,
+)
 from thesis_lib.measure.synchronisation.drift import COMPARED_RATE_HZ, beside_first
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
@@ -140,11 +143,10 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
                 f"{path}: channel {given.channel} is clipped ({file.clipped} samples at full "
                 "scale), allowed: none; turn its gain down"
             )
-        step = audio.step_to(file.rate, wanted)
-        rate = file.rate / step
-        values = np.concatenate([np.empty(0), *audio.decimate_blocks(file.blocks, step)])
-        start = file.start + audio.cut_off(file.rate, rate)
-    return start + np.arange(len(values)) / rate, values * given.full_scale_n
+        low = common_rate([file.rate], wanted)
+        values = np.concatenate([np.empty(0), *low.reduce(file.blocks, file.rate)])
+    times = file.start + low.cut + np.arange(len(values)) / low.rate
+    return times, values * given.full_scale_n
 
 
 def _clock(

@@ -140,11 +140,6 @@ def _signal_pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
         yield piece[:size]
 
 
-def step_to(rate: float, wanted: float) -> int:
-    """Return the decimation factor for the lowest rate that is not below `wanted`."""
-    return max(1, int(rate // wanted))
-
-
 @cache
 def _low_pass(step: int) -> Array:
     """Return the taps of the low-pass before every `step`-th sample is kept, symmetric."""
@@ -183,16 +178,11 @@ def decimate_signal(signal: ArrayLike, rate: float, wanted: float) -> tuple[Sign
     Where the filter reaches beyond its ends the signal is cut: it starts later, but that of all
     recordings alike, which leaves their delays.
     """
-    x, step = np.asarray(signal), step_to(rate, wanted)
-    if step == 1:
+    x, low = np.asarray(signal), common_rate([rate], wanted)
+    if low.rate == rate:
         return (x if x.dtype.kind == "f" else x.astype(float)), rate
     blocks = (x[k : k + FILTERED_SAMPLES] for k in range(0, len(x), FILTERED_SAMPLES))
-    return np.concatenate([np.empty(0), *decimate_blocks(blocks, step)]), rate / step
-
-
-def cut_off(rate: float, low_rate: float) -> float:
-    """Return the delay in s that :func:`decimate_signal` adds from one rate to another."""
-    return FILTER_REACH_SAMPLES / low_rate if low_rate < rate else 0.0
+    return np.concatenate([np.empty(0), *low.reduce(blocks, rate)]), low.rate
 
 
 @dataclass(frozen=True)
@@ -212,10 +202,10 @@ class LowRate:
 
 
 def common_rate(rates: Sequence[float], wanted: float) -> LowRate:
-    """Return the lowest rate above `wanted` that divides the lowest of some signals' rates."""
+    """Return the lowest rate above `wanted` in Hz that divides the lowest of some rates."""
     least = min(rates)
-    rate = least / step_to(least, wanted)
-    return LowRate(rate, cut_off(least, rate))
+    rate = least / max(1, int(least // wanted))
+    return LowRate(rate, FILTER_REACH_SAMPLES / rate if rate < least else 0.0)
 
 
 @cache

@@ -310,32 +310,35 @@ def _match_transients(
     return found if found.certain else None
 
 
-def force_match(reference: ArrayLike, other: ArrayLike, rate: float, frequency: float) -> Match:
+def force_match(reference: Signal, other: Signal, rate: float, frequency: float) -> Match:
     """Return the delay between recordings (samples,) of the force's signal, at a rate in Hz.
+
+    That is about :data:`CORRELATION_RATE`.
 
     By correlation; where that leaves doubt, by that of the tone's onset, its end, or a clap:
     :func:`without_tone`. Peaks within half a period of the highest do not count there, as the
     tone's phase tells between them. The tone's frequency in Hz is known to within 1 %.
     """
-    a, low_rate = decimate_signal(reference, rate, CORRELATION_RATE)
-    b, _ = decimate_signal(other, rate, CORRELATION_RATE)
-    whole = _compare_signals(a, b, low_rate)
-    if whole.certain or tones.MIN_SAMPLES_PER_PERIOD * frequency > low_rate:
+    whole = _compare_signals(reference, other, rate)
+    if whole.certain or tones.MIN_SAMPLES_PER_PERIOD * frequency > rate:
         return whole
-    if min(len(a), len(b)) < 2 * tones.MIN_SETTLED_PERIODS * low_rate / frequency:
+    shorter = min(len(reference), len(other))
+    if shorter < 2 * tones.MIN_SETTLED_PERIODS * rate / frequency:
         return whole
-    tone, tone_rate = decimate_signal(a, low_rate, tones.TONE_RATE * frequency)
+    tone, tone_rate = decimate_signal(reference, rate, tones.TONE_RATE * frequency)
     start, end = tones.settle_interval(tone, tone_rate, frequency)
     if (end - start) * frequency > tones.MIN_SETTLED_PERIODS - 0.1:
         part = tone[round(start * tone_rate) : round(end * tone_rate)]
         frequency = tones.tone_frequency(part, tone_rate, frequency)
-    a, b = (without_tone(x, low_rate, frequency) for x in (a, b))
-    loud = _match_transients(a, b, low_rate, ONSET_SAME, least=0.5 / frequency)
+    a, b = (without_tone(x, rate, frequency) for x in (reference, other))
+    loud = _match_transients(a, b, rate, ONSET_SAME, least=0.5 / frequency)
     return replace(loud, snr=whole.snr) if loud else whole
 
 
-def room_match(reference: ArrayLike, other: ArrayLike, rate: float) -> Match:
+def room_match(reference: Signal, other: Signal, rate: float) -> Match:
     """Return the delay between recordings (samples,) of sound in a room, at a rate in Hz.
+
+    That is about :data:`ROOM_RATE`.
 
     It is not certain if in doubt.
 
@@ -346,13 +349,12 @@ def room_match(reference: ArrayLike, other: ArrayLike, rate: float) -> Match:
     Two single knocks that are alike, each heard by one camera alone, cannot be told from one that
     both hear: several claps at irregular intervals can.
     """
-    a, low_rate = decimate_signal(reference, rate, ROOM_RATE)
-    b, _ = decimate_signal(other, rate, ROOM_RATE)
     # Where a filter reaches beyond the ends nothing is left.
-    a, b = (oaconvolve(x, design_whitening(x, low_rate), "valid") for x in (a, b))
-    whole = _compare_signals(a, b, low_rate, same=ROOM_SAME, by_noise=False, either_sign=True)
-    n = min(len(a), len(b)) - abs(whole.delay) * low_rate
+    both = reference, other
+    a, b = (oaconvolve(x, design_whitening(x, rate), "valid") for x in both)
+    whole = _compare_signals(a, b, rate, same=ROOM_SAME, by_noise=False, either_sign=True)
+    n = min(len(a), len(b)) - abs(whole.delay) * rate
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
     if whole.certain:
         return whole
-    return _match_transients(a, b, low_rate, CLAP_SAME, either_sign=True) or whole
+    return _match_transients(a, b, rate, CLAP_SAME, either_sign=True) or whole

@@ -57,15 +57,6 @@ class LoadedAudio:
     sources: tuple[str, ...]  #: Which track and channels each one's sound is, empty if all
 
 
-def _lowest_rate(recordings: Sequence[audio.AudioSource], wanted: float) -> audio.LowRate:
-    """Return the lowest rate above one in Hz to which all recordings can be reduced."""
-    rates = []
-    for recording in recordings:
-        with recording.opened() as file:
-            rates.append(file.rate)
-    return audio.common_rate(rates, wanted)
-
-
 def load_audio(
     recordings: Sequence[audio.AudioSource], frequency: float | None, skip: float
 ) -> LoadedAudio:
@@ -81,11 +72,13 @@ def load_audio(
     """
     shortest = 4 * BUTTON_SOUND_S if frequency is None else 2.5 / frequency
     wanted = tones.TONE_RATE * (frequency or 0.0)
-    low = _lowest_rate(recordings, max(matching.CORRELATION_RATE, wanted))
-    step = audio.step_to(low.rate, wanted) if frequency else 1
     read = []
-    for recording in recordings:
-        with recording.opened() as file:
+    with ExitStack() as opened:
+        files = [opened.enter_context(recording.opened()) for recording in recordings]
+        rates = [file.rate for file in files]
+        low = audio.common_rate(rates, max(matching.CORRELATION_RATE, wanted))
+        slow = audio.common_rate([low.rate], wanted or low.rate)
+        for recording, file in zip(recordings, files, strict=True):
             blocks: Iterable[Array] = ()
             if frequency is not None:
                 if not 0 < tones.MIN_SAMPLES_PER_PERIOD * frequency <= file.rate:
@@ -94,20 +87,20 @@ def load_audio(
                         f"{file.rate / tones.MIN_SAMPLES_PER_PERIOD:g} Hz, "
                         f"{tones.MIN_SAMPLES_PER_PERIOD} samples of the sound per period"
                     )
-                blocks = audio.decimate_blocks(low.reduce(file.blocks, file.rate), step)
+                blocks = slow.reduce(low.reduce(file.blocks, file.rate), low.rate)
             audio.check_sound(file, shortest, recording.name)
-            tone, before = audio.hold_signal(blocks, round(skip * low.rate / step))
+            tone, before = audio.hold_signal(blocks, round(skip * slow.rate))
             end = file.start + file.samples / file.rate
             read.append((file.start, end, tone, before, file.source))
     starts, ends, held, skipped, sources = zip(*read, strict=True)
-    later, tone_rate = max(skipped), low.rate / step
+    later = max(skipped)
     return LoadedAudio(
         low=low,
         starts=np.array(starts),
         ends=np.array(ends),
         tones=[tone[later - before :] for tone, before in zip(held, skipped, strict=True)],
-        tone_rate=tone_rate,
-        tone_start=low.cut + audio.cut_off(low.rate, tone_rate) + later / tone_rate,
+        tone_rate=slow.rate,
+        tone_start=low.cut + slow.cut + later / slow.rate,
         sources=sources,
     )
 
@@ -124,10 +117,11 @@ def match_recordings(
     frequency of the force's tone is in Hz, or None of tracks that hold what microphones hear.
     """
     room = frequency is None
-    low = _lowest_rate(recordings, matching.ROOM_RATE if room else matching.CORRELATION_RATE)
+    wanted = matching.ROOM_RATE if room else matching.CORRELATION_RATE
     found: dict[int, matching.Match] = {}
     with ExitStack() as opened:
         files = [opened.enter_context(recording.opened()) for recording in recordings]
+        low = audio.common_rate([file.rate for file in files], wanted)
         tracks = [low.reduce(file.blocks, file.rate) for file in files]
         if room:
             ends = round(BUTTON_SOUND_S * low.rate)
@@ -349,14 +343,13 @@ def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: 
     found = []
     for recording in recordings:
         with recording.opened() as file:
-            step = audio.step_to(file.rate, wanted)
-            rate = file.rate / step
+            low = audio.common_rate([file.rate], wanted)
             audio.check_sound(file, MIN_AUDIO_S, recording.name)
-            blocks = audio.decimate_blocks(file.blocks, step)
-            track, before = audio.hold_signal(blocks, round(skip * rate))
-            start = file.start + audio.cut_off(file.rate, rate) + before / rate
+            blocks = low.reduce(file.blocks, file.rate)
+            track, before = audio.hold_signal(blocks, round(skip * low.rate))
+            start = file.start + low.cut + before / low.rate
         part = steady and (steady[0] - start, steady[1] - start)
-        found.append(tones.find_tone(track, rate, recording.name, part))
+        found.append(tones.find_tone(track, low.rate, recording.name, part))
         (first, _), (tone, seconds) = found[0], found[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
             raise audio.SynchronisationError(
