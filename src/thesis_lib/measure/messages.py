@@ -22,7 +22,7 @@ class Message:
     text: str
     remedy: str
     meaning: str = ""
-    #: Limit that a check of the manifest compares with, and its unit
+    #: Limit that a note or a check of the manifest compares with, and a check's unit
     limit: float = float("nan")
     unit: str = ""
     #: Other texts of the same message, by name
@@ -59,6 +59,7 @@ ALL_MESSAGES = {
     for group in (*NOTE_GROUPS.values(), *CHECK_GROUPS.values())
     for code, one in group.items()
 }
+NOTE_LIMITS = {code: one.limit for group in NOTE_GROUPS.values() for code, one in group.items()}
 CHECK_LIMITS = {code: one.limit for group in CHECK_GROUPS.values() for code, one in group.items()}
 
 

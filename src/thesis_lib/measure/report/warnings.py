@@ -1,4 +1,7 @@
-"""Conditions of the notes that a report begins with; their texts are in ``messages.toml``."""
+"""Conditions of the notes that a report begins with.
+
+Their limits and texts are in ``messages.toml``.
+"""
 
 from collections.abc import Iterator
 
@@ -8,46 +11,16 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration import rig, uncertainty
 from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR, known_rms
-from thesis_lib.measure.messages import Note, make_note
+from thesis_lib.measure.messages import NOTE_LIMITS, Note, make_note
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Sweep
 from thesis_lib.measure.response.signals import dwell_time, settling_time
 from thesis_lib.studies.cubes import iterate_slices
 
-MAX_LOST_FRACTION = 0.05  # of the marker images of a camera
-MAX_STRAY_FRACTION = 0.01  # of the centres that are left out
-MAX_AMPLITUDE_CHANGE = 0.05  # up to which a vibration is called steady
-MAX_IN_PLANE_EXCESS = 1.5  # motion in the plane over what scatter explains
-MIN_EXPLAINED_FRACTION = 0.7  # of the motion, by the frequency that was fitted
-MAX_OTHER_AMPLITUDE = 0.05  # of another frequency, over that of the vibration
-MAX_FREQUENCY_SLIP = 0.1  # periods over the recording by which a replaced frequency may differ
-MAX_REST_MISFIT_PX = 0.3  # of markers at rest from where all cameras put them
-MAX_RATE_CHANGE = 1e-5  # relative, of a file's rate from the manifest's
-# Rms residual of the board's corners in all cameras together over that in each alone:
-# 1.1 on photographs of a paper board at rest, 10 on a board held by hand.
-MAX_CORNER_RATIO = 2.0
 # Frames by which a shift of whole frames may be off: 1.7 ms at 60 Hz, 0.6 m of sound's way
 MAX_FRAME_FRACTION = 0.1
-MAX_CLOCK_DRIFT = 5e-4  # relative, of cameras' clocks: quartz 1e-5 to 1e-4, ceramics up to 5e-4
-MAX_UNEVEN_FRAMES = 0.05  # frames by which they may come early or late
-MAX_OUT_OF_STEP_DEG = 10.0  # of cameras, up to which a frequency is no alias
-MAX_QUADRATURE = 0.05  # of the deflection, a quarter of a period after the maximum
-MAX_CAMERA_SPREAD = 3.0  # of shapes without a camera, over what scatter explains
-MAX_RESIDUAL_POWER = 10.0  # near a mode, over noise
-MAX_SHAPE_MAC = 0.9  # up to which two shapes are told apart
-MAX_DAMPING_ERROR = 0.2  # relative
-MIN_AUDIBLE_HZ = 20.0
-MAX_SURFACE_RATIO = 3.0  # residual of a surface over what noise explains
 MAX_BLUR = 0.15  # share by which a peak is estimated to be lower, up to which that is reliable
-MAX_UNKNOWN_FRACTION = 0.002  # of the deflections
-MIN_AVERAGES = 6  # below which a coherence tells little
-MIN_COHERENCE = 0.9  # of the drive point
-MAX_CLOCK_PHASE_DEG = 5.0  # by which the force's clock may be off
-MAX_ALIASED_POWER = 0.05  # share of the force's power above half of the frame rate
-MAX_UNUSED_FRACTION = 0.05  # of the recording without a force
-MAX_RINGING = 0.05  # of the largest motion, left at the end of a whole recording
-MIN_FORCE_DRIFT = 1e-6  # by which clocks differ before it is reported
 
 
 def check_shape(data: xr.Dataset) -> list[Note]:
@@ -58,15 +31,15 @@ def check_shape(data: xr.Dataset) -> list[Note]:
 def _check_frequency(data: xr.Dataset) -> Iterator[Note]:
     used, given = float(data["frequency"]), float(data["frequency_given"])
     seconds = float((data["frames"] / data["frame_rate"]).max())
-    if abs(used - given) * seconds > MAX_FREQUENCY_SLIP:
+    if abs(used - given) * seconds > NOTE_LIMITS["frequency-replaced"]:
         std = float(data["frequency_deviation"])
         yield make_note("frequency-replaced", given=given, used=used, std=std)
     other, ratio = float(data["other_frequency"]), float(data["other_amplitude"])
     explained = float(data["explained"])
     wrong = {
         "frequency-wrong": ratio > 1,
-        "other-tone": ratio > MAX_OTHER_AMPLITUDE,
-        "little-explained": explained < MIN_EXPLAINED_FRACTION,
+        "other-tone": ratio > NOTE_LIMITS["other-tone"],
+        "little-explained": explained < NOTE_LIMITS["little-explained"],
     }
     if code := next((code for code, is_wrong in wrong.items() if is_wrong), None):
         yield make_note(code, used=used, explained=explained, other=other, ratio=ratio)
@@ -74,7 +47,7 @@ def _check_frequency(data: xr.Dataset) -> Iterator[Note]:
     own = lags.pop(data["alias"].values[0])
     better = {f: lag for f, lag in lags.items() if lag < own / 3}
     rivals = ", ".join(f"{f:.6g} Hz ({lag:.0f}°)" for f, lag in sorted(lags.items()))
-    if own > MAX_OUT_OF_STEP_DEG and better:
+    if own > NOTE_LIMITS["maybe-alias"] and better:
         best, lag = min(better.items(), key=lambda item: item[1])
         yield make_note("maybe-alias", used=used, best=best, own=own, lag=lag, rivals=rivals)
     elif used > 0.5 * float(data["frame_rate"].min()) and lags:
@@ -90,9 +63,9 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     for one in iterate_slices(data, "camera"):
         name = str(one["camera"].values)
         rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
-        if abs(rate / given - 1) > MAX_RATE_CHANGE:
+        if abs(rate / given - 1) > NOTE_LIMITS["file-rate"]:
             yield make_note("file-rate", name=name, rate=rate, given=given)
-        if (uneven := float(one["uneven"])) > MAX_UNEVEN_FRAMES / rate:
+        if (uneven := float(one["uneven"])) > NOTE_LIMITS["uneven-frames"] / rate:
             yield make_note("uneven-frames", name=name, uneven_ms=1e3 * uneven)
         yield from _check_lost(name, float(one["missing"].mean()))
         if jump := float(one["jump"]):
@@ -109,7 +82,7 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
                 way="later" if late > 0 else "earlier",
                 frames=_describe_whole_frames(1e-3 * late * rate),
             )
-        if (misfit := float(one["rest_misfit"])) > MAX_REST_MISFIT_PX:
+        if (misfit := float(one["rest_misfit"])) > NOTE_LIMITS["rest-misfit"]:
             yield make_note("rest-misfit", name=name, misfit=misfit)
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
         yield make_note("calibration-untold")
@@ -127,7 +100,7 @@ def _check_repeats(data: xr.Dataset) -> Iterator[Note]:
 
 
 def _check_lost(name: str, lost: float) -> Iterator[Note]:
-    if lost > MAX_LOST_FRACTION:
+    if lost > NOTE_LIMITS["markers-lost"]:
         yield make_note("markers-lost", name=name, lost=lost)
 
 
@@ -144,7 +117,7 @@ def note_pace(name: str, first: str, pace: float, error: str = "") -> Note:
     """Return the note on a clock that runs faster than the first camera's by a relative pace."""
     way = "fast" if pace > 0 else "slow"
     how = f"{float(f'{1e6 * abs(pace):.3g}'):,g}{error} ppm {way} compared with that of {first}"
-    code = "frames-lost" if abs(pace) > MAX_CLOCK_DRIFT else "clock-drift"
+    code = "frames-lost" if abs(pace) > NOTE_LIMITS["frames-lost"] else "clock-drift"
     return make_note(code, name=name, how=how)
 
 
@@ -162,7 +135,7 @@ def check_board(data: xr.Dataset) -> Iterator[Note]:
     if "single_rms" not in data:  # a calibration that was reused
         return
     together = float(data.get("reprojection_rms", np.nan))
-    if together > MAX_CORNER_RATIO * (alone := known_rms(data["single_rms"].values)):
+    if together > NOTE_LIMITS["board-moved"] * (alone := known_rms(data["single_rms"].values)):
         kept = together > rig.MAX_CONTRADICTION * alone
         lenses = "Lenses are those of each camera alone. " if kept else ""
         yield make_note("board-moved", together=together, alone=alone, lenses=lenses)
@@ -180,19 +153,19 @@ def _check_fit(data: xr.Dataset) -> Iterator[Note]:
         )
     if unknown := int(np.isnan(data["deflection"].values).sum()):
         yield make_note("unseen-markers", count=unknown)
-    if (excess := float(data["in_plane_excess"])) > MAX_IN_PLANE_EXCESS:
+    if (excess := float(data["in_plane_excess"])) > NOTE_LIMITS["in-plane"]:
         yield make_note("in-plane", excess=excess)
-    if abs(growth := float(data["growth"])) > MAX_AMPLITUDE_CHANGE:
+    if abs(growth := float(data["growth"])) > NOTE_LIMITS["growth"]:
         yield make_note("growth", growth=growth)
     if int(data["ambiguous"]):
         yield make_note("whole-periods")
     off = known_rms(data["quadrature"].values) / known_rms(data["deflection"].values)
-    if off > MAX_QUADRATURE:
+    if off > NOTE_LIMITS["quadrature"]:
         yield make_note("quadrature", off=off)
     change: Array = data["without_camera"].values - data["deflection"].values
     with np.errstate(invalid="ignore", divide="ignore"):
         spread = known_rms(change / data["without_deviation"].values)
-    if spread > MAX_CAMERA_SPREAD:
+    if spread > NOTE_LIMITS["cameras-contradict"]:
         yield make_note("cameras-contradict", spread=spread)
 
 
@@ -208,19 +181,19 @@ def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         own, other = float(one["out_of_step"]), float(one["rival_out_of_step"])
         if other < 3 * own:
             yield make_note("mode-alias", hertz=f, rival=float(one["rival"]), own=own, other=other)
-        if (ratio := float(one["beside"])) > MAX_RESIDUAL_POWER:
+        if (ratio := float(one["beside"])) > NOTE_LIMITS["left-near-mode"]:
             film = {"resolution": 1 / seconds, "seconds": seconds}
             yield make_note("left-near-mode", hertz=f, ratio=ratio, **film)
         error, zeta = float(one["damping_deviation"]), float(one["damping"])
-        if zeta and error > MAX_DAMPING_ERROR * abs(zeta):
+        if zeta and error > NOTE_LIMITS["damping-unsure"] * abs(zeta):
             yield make_note("damping-unsure", hertz=f, share=error / abs(zeta))
     mac = np.triu(data["assurance"].values, 1)
-    for i, j in np.argwhere(mac > MAX_SHAPE_MAC):
+    for i, j in np.argwhere(mac > NOTE_LIMITS["shapes-alike"]):
         yield make_note("shapes-alike", first=hertz[i], second=hertz[j], mac=mac[i, j])
     first = str(data["camera"].values[0])
     for k, name in enumerate(map(str, data["camera"].values)):
         yield from _check_lost(name, float(data["missing"][k].mean()))
-        if (strays := float(data["left_out"][k])) > MAX_STRAY_FRACTION:
+        if (strays := float(data["left_out"][k])) > NOTE_LIMITS["markers-strayed"]:
             yield make_note("markers-strayed", name=name, strays=strays)
         yield from _check_clock(name, first, float(data["lag"][k]), float(data["pace"][k]))
 
@@ -241,10 +214,10 @@ def check_sound(data: xr.Dataset) -> Iterator[Note]:
         if hertz > highest:
             yield make_note("waves-too-short", hertz=hertz, step_mm=step, highest=highest)
         left, noise = float(one["left"]), float(one["left_by_noise"])
-        if left > MAX_SURFACE_RATIO * noise:
+        if left > NOTE_LIMITS["surface-unknown"] * noise:
             variant = "model" if data.attrs["between"] == "model" else ""
             yield make_note("surface-unknown", variant, hertz=hertz, left=left, noise=noise)
-        if hertz < MIN_AUDIBLE_HZ:
+        if hertz < NOTE_LIMITS["not-heard"]:
             yield make_note("not-heard", hertz=hertz)
 
 
@@ -258,30 +231,31 @@ def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     """Yield the notes on motion over a force."""
     times, (first, last) = data["time"].values, data["filmed"].values
     f, drive, many = data["frequency"].values, int(data["drive"]) - 1, int(data["segments"])
-    if (covered := times[-1] - times[0]) < (1 - MAX_UNUSED_FRACTION) * (last - first):
+    if (covered := times[-1] - times[0]) < (1 - NOTE_LIMITS["force-short"]) * (last - first):
         yield make_note("force-short", covered=covered, recorded=last - first)
     at = np.array([data["x"].values[drive], data["y"].values[drive]])
     apart = 1e3 * float(np.linalg.norm(at - data["force_place"].values))
     if apart > manifest.structure.markers.diameter_mm:
         yield make_note("force-apart", apart_mm=apart, marker=drive + 1)
-    if many > 1 and (averages := float(data["averages"].max())) < MIN_AVERAGES:
+    if many > 1 and (averages := float(data["averages"].max())) < NOTE_LIMITS["few-averages"]:
         yield make_note("few-averages", averages=averages)
     usual = float(np.nanmedian(data["coherence"].values[drive]))
-    if usual < MIN_COHERENCE:
+    if usual < NOTE_LIMITS["incoherent"]:
         yield make_note("incoherent", marker=drive + 1, coherence=usual)
-    if (share := float(data["unknown"].mean())) > MAX_UNKNOWN_FRACTION:
+    if (share := float(data["unknown"].mean())) > NOTE_LIMITS["deflections-lost"]:
         yield make_note("deflections-lost", share=share)
     first = str(data["camera"].values[0])
     for one in iterate_slices(data, "camera"):
         late, pace = float(one["camera_lag"]), float(one["camera_pace"])
         yield from _check_clock(str(one["camera"].values), first, late, pace)
-    if (degrees := np.degrees(float(data["phase_deviation"].values[-1]))) > MAX_CLOCK_PHASE_DEG:
+    degrees = np.degrees(float(data["phase_deviation"].values[-1]))
+    if degrees > NOTE_LIMITS["force-clock-unsure"]:
         std = 1e3 * float(data["delay_deviation"])
         yield make_note("force-clock-unsure", std_ms=std, degrees=degrees, hertz=f[-1])
-    if abs(fast := float(data["pace"])) > MIN_FORCE_DRIFT:
+    if abs(fast := float(data["pace"])) > NOTE_LIMITS["force-clock-drift"]:
         way = "fast" if fast > 0 else "slow"
         yield make_note("force-clock-drift", ppm=1e6 * abs(fast), way=way)
-    if (share := float(data["beyond"])) > MAX_ALIASED_POWER:
+    if (share := float(data["beyond"])) > NOTE_LIMITS["force-too-fast"]:
         yield make_note("force-too-fast", share=share)
     if many == 1:
         yield from _check_ringing(data, manifest)
@@ -303,7 +277,7 @@ def _check_ringing(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     zeta = manifest.structure.damping
     last = data["displacement"].values[-(data.sizes["time"] // 8) :]
     noisy = np.nanstd(last) < 2 * np.sqrt(np.nanmean(data["noise"].values ** 2))
-    if (left := float(data["ringing"])) > MAX_RINGING and not noisy:
+    if (left := float(data["ringing"])) > NOTE_LIMITS["still-ringing"] and not noisy:
         seconds = settling_time(top, zeta)
         yield make_note("still-ringing", left=left, seconds=seconds, hertz=top, damping=100 * zeta)
 
