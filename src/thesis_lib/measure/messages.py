@@ -72,3 +72,9 @@ def format_message(message: Message, variant: str = "", /, **values: object) -> 
     """Return the text of a message, or of one of its variants, with values put in."""
     text = message.variants[variant] if variant else message.text
     return text.format(limit=message.limit, **values)
+
+
+def format_new(code: str, **values: object) -> str:
+    """Return a line of ``thesis measure --new``: its text, and what follows on the terminal."""
+    message = NEW_MESSAGES[code]
+    return (message.text + message.variants.get("rest", "")).format(**values)

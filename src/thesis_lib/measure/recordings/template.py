@@ -15,6 +15,7 @@ import yaml
 from pydantic import BaseModel
 
 from thesis_lib.files import put_files, staging
+from thesis_lib.measure.messages import format_new
 from thesis_lib.measure.recordings import manifest as manifests, media_info
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, find_images, is_hidden
 from thesis_lib.measure.recordings.media import read_frames
@@ -81,10 +82,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.markers.hole_mm is None and lacking:  # which tells the ends apart
         names = " and ".join(filter(None, [", ".join(lacking[:-1]), lacking[-1]]))
-        told.append(
-            f"missing: corners_px of {names}, which tell how the structure lies: click them in "
-            f"{folder / PAGE_NAME}, beginning with the same corner"
-        )
+        told.append(format_new("corners", names=names, page=folder / PAGE_NAME))
     with staging(folder) as part:
         (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
         (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
@@ -183,30 +181,19 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
         )
         yield from media_info.describe_reading(folder / camera.video)
         if is_slowed(info):
-            yield (
-                f"{camera.video} plays at {camera.frame_rate_hz:.6g} frames per second and says "
-                f"that it was taken at {info.captured_hz:.6g}, which is captured_hz: its sound "
-                "does not go with its frames, so that excitation.sound must be none"
-            )
+            rates = {"rate": camera.frame_rate_hz, "taken": info.captured_hz}
+            yield format_new("slow-motion", video=camera.video, **rates)
         if not info.has_audio and manifest.excitation.sound != "none":
-            yield (
-                f"missing: {camera.video} has no sound, which tells when the camera started; if "
-                "the vibration never changes: -p excitation.sound=none"
-            )
+            yield format_new("sound", video=camera.video)
         if camera.board_images and len(shots) < MIN_BOARD_IMAGES:
-            yield (
-                f"missing: board images by {camera.name}, at least {MIN_BOARD_IMAGES}, better "
-                f"{WANTED_BOARD_IMAGES}, in {camera.board_images}"
-            )
+            many = {"least": MIN_BOARD_IMAGES, "wanted": WANTED_BOARD_IMAGES}
+            yield format_new("board", name=camera.name, place=camera.board_images, **many)
     if len(set(counts)) > 1:
-        yield (
-            f"missing: as many board images by every camera, not {counts}: the k-th of "
-            "each shows the same pose, null in a list of names stands for none"
-        )
+        yield format_new("equal-shots", counts=counts)
     for part in (manifest.calibration, manifest.force, manifest.truth):
         file = part if part is None or isinstance(part, str) else part.file
         if file and not (folder / file).exists():
-            yield f"missing: {file}, no such file in {folder}"
+            yield f"{format_new('file', file=file)} {folder}"
 
 
 def list_assumed(
@@ -219,7 +206,7 @@ def list_assumed(
             for part in name.split("."):
                 value = getattr(value, part)
                 value = value[0] if isinstance(value, tuple) else value
-            yield f"not given, so assumed: -p {name}={json.dumps(value)}"
+            yield format_new("assumed", name=name, value=json.dumps(value))
 
 
 def _is_given(name: str, given: Mapping[str, Any]) -> bool:
@@ -293,14 +280,11 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
         if is_hidden(file) or ending in OTHER_ENDINGS or not file.is_file():
             continue
         if ending in RAW_ENDINGS:
-            lines.append(
-                f"passed over: {file.name}, raw frames; to make a video of them: "
-                f"thesis convert {shlex.quote(str(file))} --rate-hz RATE"
-            )
+            lines.append(format_new("raw", name=file.name, path=shlex.quote(str(file))))
         elif ending in VIDEO_ENDINGS or _is_film(file):
             videos.append(file)
         else:
-            lines.append(f"passed over: {file.name}, which is no video that can be read")
+            lines.append(format_new("no-video", name=file.name))
     names = {video.name for video in videos}
     packed = {media_info.source_of_packed(file): file.name for file in videos}
     packed = {source: name for source, name in packed.items() if source in names}
