@@ -9,7 +9,7 @@ from scenes.modes import BEAM
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of
 from thesis_lib.laboratory.render import BeamView, Sensor, collect_light
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.exchange.cameras import write_opencv
+from thesis_lib.measure.exchange.cameras import write_cameras
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
@@ -90,7 +90,7 @@ def written(rig, folder, readout, **changes):
         write_video(path, frames, station.frame_rate, heard(times, index), SAMPLE_RATE_HZ)
 
     map_in_pairs(one, range(len(rig.stations)))
-    write_opencv(folder / "cameras.yaml", rig.cameras)
+    write_cameras(folder / "cameras.yaml", rig.cameras)
     values = manifest_of(rig).model_dump(mode="json")
     for camera in values["cameras"]:
         camera |= {"board_images": None, "readout_s": readout}

@@ -11,7 +11,7 @@ import numpy as np
 from scenes.foreign.rays import Eye, Film, Strip, grey, looking
 from scenes.sounds import write_film
 
-from thesis_lib.measure.exchange.cameras import write_opencv
+from thesis_lib.measure.exchange.cameras import write_cameras
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Reuse
 from thesis_lib.vision.pinhole import Camera
@@ -77,7 +77,7 @@ class Scene:
         corner = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
         cameras = [Camera(eye.name, eye.K + corner, eye.distortion, eye.R, eye.centre, eye.size)
                    for eye in self.eyes]  # fmt: skip
-        write_opencv(folder / "cameras.yaml", cameras)
+        write_cameras(folder / "cameras.yaml", cameras)
 
     def _film(self, index, folder):
         eye, start = self.eyes[index], self.starts[index]

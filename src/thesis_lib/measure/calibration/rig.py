@@ -13,7 +13,7 @@ image, this is what stands in for the operator. A board with marks has no symmet
 import contextlib
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -411,17 +411,12 @@ def adjust_cameras(
     used = corners[:, seen]
     points = board.corners_in_images(used)
     full = adjust_bundle(used, points, cameras, lenses=not lenses)
-    apart = contradiction_ratio(full.rms, [one.rms for one in single]) > MAX_CONTRADICTION
-    if not lenses and apart:
+    alone = float(np.sqrt(np.mean(np.square([one.rms for one in single]))))
+    if not lenses and full.rms / alone > MAX_CONTRADICTION:
         full = adjust_bundle(used, points, cameras, lenses=False)
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)
-
-
-def contradiction_ratio(together: float, alone: Iterable[float]) -> float:
-    """Return the rms residual of cameras adjusted together over that of each camera alone."""
-    return together / float(np.sqrt(np.mean(np.square(list(alone)))))
 
 
 def _describe_refusals(refused: Mapping[str, str], manifest: Manifest) -> str:

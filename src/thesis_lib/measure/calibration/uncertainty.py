@@ -99,8 +99,7 @@ def of_cameras(adjustment: bundle.Adjustment) -> Array:
     It takes every corner for an independent witness.
     """
     n = len(adjustment.cameras)
-    count = len(adjustment.covariance)
-    which = np.r_[: bundle.POSE_UNKNOWNS * n, count - bundle.LENS_UNKNOWNS * n : count]
+    which = bundle.camera_unknowns(np.arange(n), n, len(adjustment.rotations))
     return adjustment.covariance[np.ix_(which, which)]
 
 

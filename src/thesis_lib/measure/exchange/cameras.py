@@ -273,19 +273,15 @@ def _describe_camera(camera: Camera) -> dict[str, object]:
     }
 
 
-def write_opencv(path: Path, cameras: Sequence[Camera]) -> None:
-    """Write cameras as YAML for ``cv2.FileStorage``.
+def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
+    """Write cameras as YAML for ``cv2.FileStorage``, or as TOML for aniposelib and its readers.
 
-    ``names`` lists them; the k-th has, under ``camera_k``, ``image_width``, ``image_height``,
-    ``camera_matrix``, ``distortion_coefficients``, ``rvec``, ``tvec`` in m, as
+    In YAML ``names`` lists them; the k-th has, under ``camera_k``, ``image_width``,
+    ``image_height``, ``camera_matrix``, ``distortion_coefficients``, ``rvec``, ``tvec`` in m, as
     ``cv2.projectPoints`` takes them.
     """
-    whole_text(path, render(__file__, "cameras.yaml.j2", cameras=[*map(_describe_camera, cameras)]))
-
-
-def write_aniposelib(path: Path, cameras: Sequence[Camera]) -> None:
-    """Write cameras as TOML for aniposelib, and for what reads its files, in m."""
-    whole_text(path, render(__file__, "cameras.toml.j2", cameras=[*map(_describe_camera, cameras)]))
+    described = [*map(_describe_camera, cameras)]
+    whole_text(path, render(__file__, f"cameras{path.suffix}.j2", cameras=described))
 
 
 # A calibration that a manifest reuses, as a whole or its lenses.

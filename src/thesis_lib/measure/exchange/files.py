@@ -19,7 +19,7 @@ from scipy.spatial import Delaunay, QhullError
 
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.measure.exchange import history
-from thesis_lib.measure.exchange.cameras import write_aniposelib, write_opencv
+from thesis_lib.measure.exchange.cameras import write_cameras
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 from thesis_lib.templates import render
@@ -75,8 +75,8 @@ def write_formats(
             replace(one, R_camera_world=one.R_camera_world @ R.T, centre=R @ (one.centre - origin))
             for one in (own.camera for own in recordings)
         ]
-        write_opencv(folder / "cameras.yaml", cameras)
-        write_aniposelib(folder / "cameras.toml", cameras)
+        write_cameras(folder / "cameras.yaml", cameras)
+        write_cameras(folder / "cameras.toml", cameras)
 
 
 def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
