@@ -13,7 +13,7 @@ from thesis_lib.files import mark_cache
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, camera_deviations
 from thesis_lib.measure.calibration.rig import adjust_cameras, cameras_in, single_threaded_opencv
 from thesis_lib.measure.calibration.uncertainty import jackknife_rig
-from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, shot_paths
+from thesis_lib.measure.recordings.manifest import Manifest, shot_paths
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.tracking.tracks import Recording, record_track
@@ -21,7 +21,6 @@ from thesis_lib.studies import schema, storage, workers
 from thesis_lib.vision.pinhole import Camera
 
 CALIBRATION_VARIABLES = schema.read_variables(__file__, "calibration")
-SOUND_VARIABLES = schema.read_variables(__file__, "synchronisation")
 
 
 class StoppedError(RuntimeError):
@@ -96,28 +95,9 @@ def read_sound(
     def compute_sound() -> xr.Dataset:
         if manifest.excitation.sound != "none":
             say(f"listening to {len(videos)} sound tracks")
-        sound = estimate_delays(manifest, folder)
-        found, rest = sound.synchronisation, manifest.excitation.rest_duration_s
-        most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)
-        if manifest.excitation.steady_interval_s is None and rest > most + 1e-6:
-            raise ManifestError(
-                f"excitation.rest_duration_s: given {rest:.6g}, allowed: at most the {most:.3f} s "
-                "after which the vibration is steady"
-            )
-        force = sound.force or 0j
-        values = {
-            "delay": found.delays,
-            "frequency": sound.frequency or np.nan,
-            "of_sound": sound.found_frequency or np.nan,
-            "of_sound_deviation": sound.frequency_deviation or np.nan,
-            "force": [force.real, force.imag],
-            "steady": sound.steady,
-            "ambiguous": int(found.ambiguous),
-            "signal_to_noise": found.snr,
-        }
-        data = xr.Dataset(schema.label_values(values, SOUND_VARIABLES))
+        data = estimate_delays(manifest, folder)
         mark_cache(steps)  # now that nothing more is refused
-        return data.assign_attrs(synchronisation="\n".join(found.describe(names)))
+        return data
 
     return storage.load_or_compute(steps / "sound.nc", compute_sound, storage.key_of(what, videos))
 

@@ -25,6 +25,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
@@ -32,6 +33,7 @@ from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation import audio, delays as matching, tones
 from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
 from thesis_lib.measure.synchronisation.tones import MAX_SLIP_TURNS, Interval
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.web.html import render_lines
 
 ROOM_SPANS = 8  # spans in which a room's sound is compared: ten minutes
@@ -39,6 +41,7 @@ MIN_AUDIO_S = 0.5  # of a track in which a tone is sought
 BUTTON_SOUND_S = 0.5  # s at either end of a room's recording, in which buttons are pressed
 MIN_DRIFT_SIGMAS = 4.0  # standard errors from which on clocks drift apart
 MAX_MIDDLE_OFFSET_S = 1e-3  # s that the delay in the middle may be from that of the whole
+VARIABLES = read_variables(__file__, "synchronisation")
 
 
 @dataclass(frozen=True)
@@ -254,24 +257,8 @@ def _find_drifts(
     return drifts
 
 
-@dataclass(frozen=True)
-class Sound:
-    """What the audio tracks tell."""
-
-    synchronisation: Synchronisation  #: When each camera started
-    frequency: float | None  #: Of the force in Hz: the given one, else the one that was found
-    #: Its amplitude over full scale, time factor e^{+jωt}, on the reference camera's clock; None
-    #: where microphones hear a room
-    force: complex | None
-    steady: Interval  #: From when to when it is steady on that clock, s
-    #: Frequency of the force's signal in Hz, by the clock of the reference camera's sound
-    found_frequency: float | None = None
-    #: Its standard error in Hz; that the clock is off, by some 10⁻⁵, is not in it
-    frequency_deviation: float | None = None
-
-
-def estimate_delays(manifest: Manifest, folder: Path) -> Sound:
-    """Return the delays, and the force's frequency and phase.
+def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
+    """Return the delays, and the force's frequency and phase, as :data:`VARIABLES`.
 
     Raises
     ------
@@ -302,11 +289,41 @@ def estimate_delays(manifest: Manifest, folder: Path) -> Sound:
             f"excitation.rest_duration_s: given {rest:.6g}, allowed: less than the "
             f"{end - begin:.3f} s that all cameras recorded"
         )
-    steady = excitation.steady_interval_s or (begin + rest, end)
-    return Sound(found, excitation.frequency_hz, None, steady)
+    return _label_sound(manifest, found, excitation.steady_interval_s or (begin + rest, end))
 
 
-def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> Sound:
+def _label_sound(
+    manifest: Manifest,
+    found: Synchronisation,
+    steady: Interval,
+    force: complex = 0j,
+    measured: float = np.nan,
+    deviation: float = np.nan,
+) -> xr.Dataset:
+    """Return what the sound tells; of the force, its frequency in Hz, and that one's error."""
+    excitation = manifest.excitation
+    rest = excitation.rest_duration_s
+    most = max(steady[0] - max(float(found.delays.max()), 0.0), 0.0)
+    if excitation.steady_interval_s is None and rest > most + 1e-6:
+        raise ManifestError(
+            f"excitation.rest_duration_s: given {rest:.6g}, allowed: at most the {most:.3f} s "
+            "after which the vibration is steady"
+        )
+    values = {
+        "delay": found.delays,
+        "frequency": excitation.frequency_hz or measured,
+        "of_sound": measured,
+        "of_sound_deviation": deviation,
+        "force": [force.real, force.imag],
+        "steady": steady,
+        "ambiguous": int(found.ambiguous),
+        "signal_to_noise": found.snr,
+    }
+    lines = found.describe([camera.name for camera in manifest.cameras])
+    return xr.Dataset(label_values(values, VARIABLES), attrs={"synchronisation": "\n".join(lines)})
+
+
+def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> xr.Dataset:
     """Return starts and steady interval from the force's signal."""
     excitation, rate = manifest.excitation, manifest.cameras[0].frame_rate_hz
     steady = excitation.steady_interval_s
@@ -332,7 +349,7 @@ def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> So
         part_blocks = audio.part_of(heard.low.reduce(file.blocks, file.rate), first, last)
         force, _ = tones.fit_tone(part_blocks, low_rate, used, -begin)
     deviation = tones.frequency_deviation(part, rate, measured)
-    return Sound(found, used, force, steady or (begin, end), measured, deviation)
+    return _label_sound(manifest, found, steady or (begin, end), force, measured, deviation)
 
 
 def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: float) -> float:
