@@ -5,7 +5,7 @@ are in ``messages.toml``.
 """
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -19,6 +19,7 @@ from thesis_lib.measure.feasibility.prediction import CameraPrediction, Predicte
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS, format_message
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
+from thesis_lib.templates import join_words
 from thesis_lib.text import format_share
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.web.html import render_lines
@@ -89,20 +90,20 @@ class Assessment:
     verdict: Verdict
 
 
-def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
+def assess_manifest(manifest: Manifest) -> Assessment:
     """Return what the manifest's recordings can reach, what they cannot, and what is unknown.
 
-    No file is read. The standard errors assume a scatter of the centres of `noise_px` px.
+    No file is read. The standard errors assume a scatter of the centres of :data:`CENTRE_NOISE_PX`.
     """
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
     steady, slowest = prediction.steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN
         view = prediction.view_markers(manifest, float(np.nan_to_num(amplitude)))
-        errors = prediction.predict_errors(manifest, view, amplitude, noise_px)
+        errors = prediction.predict_errors(manifest, view, amplitude, CENTRE_NOISE_PX)
         one, fit, rounding = map(prediction.rms_and_worst, errors)
         rig = RigPrediction(
             located=int(view.located.sum()),
-            noise_px=noise_px,
+            noise_px=CENTRE_NOISE_PX,
             steady_interval_s=steady,
             frames=int(steady * slowest + 1e-9),
             one_frame=one,
@@ -276,11 +277,11 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
         lacks: dict[str, list[str]] = {}
         for what, fields in needs.items():
             if missing := [name for name in fields if getattr(camera, name) is None]:
-                lacks.setdefault(_join(missing), []).append(what)
+                lacks.setdefault(join_words(missing), []).append(what)
         for fields_text, whats in lacks.items():
-            groups.setdefault((fields_text, _join(whats)), []).append(camera.name)
+            groups.setdefault((fields_text, join_words(whats)), []).append(camera.name)
     for (fields_text, what), names in groups.items():
-        known = {"names": f"{'s' * (len(names) > 1)} {_join(names)}", "fields": fields_text}
+        known = {"names": f"{'s' * (len(names) > 1)} {join_words(names)}", "fields": fields_text}
         yield format_message(messages.UNCHECKED_MESSAGES["cameras"], what=what, **known)
     excitation = manifest.excitation
     open_fields = {
@@ -294,10 +295,6 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
         if is_open:
             message = messages.UNCHECKED_MESSAGES[code]
             yield format_message(message, steady=prediction.DEFAULT_STEADY_S)
-
-
-def _join(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def describe_assessment(assessment: Assessment) -> list[str]:

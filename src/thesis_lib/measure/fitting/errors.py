@@ -12,8 +12,8 @@ in it, and does not matter: the structure's frame comes from its markers at rest
 """
 
 import contextlib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -131,26 +131,23 @@ MIN_EDGE_FRAMES = 5  # frames before and after a jump, at least
 MIN_MOTION_SHARE = 0.05  # share of the motion below which a frequency explains none of it
 
 
-@dataclass(frozen=True)
-class Share:
-    """How much of the motion one frequency explains, and where the rest is."""
-
-    explained: float  #: Share of the variance of the image coordinates that move most
-    frequency: float  #: Of the strongest other tone, Hz; NaN if there is none
-    ratio: float  #: Its amplitude over that of the vibration; 0 if there is none
-
-
 def explained_share(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
-) -> Share:
-    """Return the share of the steady motion that a frequency and its harmonics explain."""
+) -> dict[str, float]:
+    """Return the share of the steady motion that a frequency and its harmonics explain.
+
+    It is that of the variance of the image coordinates that move most, ``explained``; of the
+    strongest other tone there is ``other_frequency`` in Hz, NaN if there is none, and
+    ``other_amplitude`` over that of the vibration, 0 if there is none.
+    """
+    found = {"explained": np.nan, "other_frequency": np.nan, "other_amplitude": 0.0}
     series = []
     for own in recordings:
         with contextlib.suppress(FrequencyError):  # one that lost its markers
             t, values = liveliest_series(own, begin, end, MAX_SPECTRUM_FRAMES)
             series.append((t, values[:, -EXAMINED_SERIES:].copy()))
     if not series:
-        return Share(np.nan, np.nan, 0.0)
+        return found
     total = left = 0.0
     length = min(float(times[-1] - times[0]) for times, _ in series)
     highest = 0.5 * min(own.rate for own in recordings)
@@ -169,14 +166,15 @@ def explained_share(
         power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum)
         counted = max(counted, len(times))
     if not total or not len(grid):
-        return Share(np.nan, np.nan, 0.0)
-    explained = 1 - left / total
+        return found
+    found["explained"] = 1 - left / total
     peak = int(np.argmax(power))
     tone = 4 * float(power[peak]) / 2  # variance of a sinusoid from its line in the spectrum
     if tone < MIN_TONE_POWER_RATIO * left / counted:
-        return Share(explained, np.nan, 0.0)
+        return found
     fitted = max(total - left, 1e-4 * tone)  # what fits by chance, if nothing else does
-    return Share(explained, float(grid[peak]), float(np.sqrt(tone / fitted)))
+    ratio = float(np.sqrt(tone / fitted))
+    return found | {"other_frequency": float(grid[peak]), "other_amplitude": ratio}
 
 
 def find_jump(
@@ -210,13 +208,13 @@ def find_jump(
     return float(size[k]), float(when[before[k]])
 
 
-def check_explained(tone: Share, given: float) -> None:
+def check_explained(tone: Mapping[str, float], given: float) -> None:
     """Refuse a frequency in Hz that is given and explains nothing of a motion that has another."""
-    if tone.explained < MIN_MOTION_SHARE and tone.ratio > 1:
+    if tone["explained"] < MIN_MOTION_SHARE and tone["other_amplitude"] > 1:
         raise FrequencyError(
             f"excitation.frequency_hz: given {given:.6g}, which explains "
-            f"{max(tone.explained, 0):.1%} of the motion; most of it is near {tone.frequency:.3g} "
-            "Hz: allowed: the frequency of the motion, or null"
+            f"{max(tone['explained'], 0):.1%} of the motion; most of it is near "
+            f"{tone['other_frequency']:.3g} Hz: allowed: the frequency of the motion, or null"
         )
 
 
