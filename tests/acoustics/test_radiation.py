@@ -44,13 +44,19 @@ def panel_mode(parts, m, n):
     return np.sin(m * pi * (x / A + 0.5)) * np.sin(n * pi * (y / B + 0.5))
 
 
+def far_field(parts, v, directions, omega):
+    """The far-field pressure times distance, p r e^{jkr}, in Pa m, shape (...)."""
+    phase = omega / C * np.tensordot(parts.centres, np.asarray(directions, float)[:2], axes=(0, 0))
+    return 1j * omega * RHO * parts.area / (2 * pi) * np.tensordot(v, np.exp(1j * phase), (0, 0))
+
+
 def far_power(parts, v, omega, n=32):
     """Power by the far field's intensity over the half space, integrated to high order."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     cos, phi = (nodes[:, None] + 1) / 2, pi * np.arange(2 * n) / n
     sin = np.sqrt(1 - cos**2)
     u = np.stack([sin * np.cos(phi), sin * np.sin(phi), cos + 0 * phi])
-    intensity = np.abs(rad.far_field(parts, v, u, omega)) ** 2 / (2 * RHO * C)
+    intensity = np.abs(far_field(parts, v, u, omega)) ** 2 / (2 * RHO * C)
     return np.sum(weights[:, None] / 2 * intensity) * pi / n
 
 
@@ -160,7 +166,7 @@ def test_pressure_of_the_circular_piston_off_its_axis_in_the_far_field(conforms)
     errors = []
     for rings in (8, 16, 32):
         parts = disc(a, rings)
-        p = rad.far_field(parts, np.ones(3 * rings**2), u, ka * C / a)
+        p = far_field(parts, np.ones(3 * rings**2), u, ka * C / a)
         errors.append(np.max(np.abs(p - exact)))
     conforms.order(orders(errors), 2, atol=0.15)
 
@@ -212,7 +218,7 @@ def test_rayleighs_integral_tends_to_the_far_field(conforms):
     parts = panel(12, 8)
     v, omega = random_velocity(96), 3 * C / A
     u = np.array([[0.3], [-0.5], [np.sqrt(1 - 0.34)]])
-    far = rad.far_field(parts, v, u, omega)[0]
+    far = far_field(parts, v, u, omega)[0]
     errors = []
     for r in (50, 100, 200, 400):
         p = rad.rayleigh_pressure(parts, v, r * u, omega)[0]
@@ -299,7 +305,6 @@ def test_levels_are_of_the_rms_pressure_and_re_one_picowatt(conforms):
         lambda omega: rad.transfer_pressure(panel(6, 4), np.ones((3, 1)), omega),
         lambda omega: rad.rayleigh_pressure(panel(6, 4), np.ones(24), np.ones((3, 1)), omega),
         lambda omega: rad.sound_power(panel(6, 4), np.ones(24), omega),
-        lambda omega: rad.far_field(panel(6, 4), np.ones(24), [[0], [0], [1]], omega),
     ],
 )
 def test_pistons_must_be_small_against_the_wavelength(call):

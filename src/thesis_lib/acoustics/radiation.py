@@ -261,18 +261,6 @@ def radiation_efficiency(
     return sound_power(pistons, v, omega, medium) / float(plane)
 
 
-def far_field(
-    pistons: Pistons, velocity: ArrayLike, directions: ArrayLike, omega: float, medium: Medium = AIR
-) -> ComplexArray:
-    """Return the far-field pressure times distance, p r e^{jkr}, in Pa m, shape (...)."""
-    k = wavenumber(omega, medium)
-    check_pistons(pistons, omega, medium)
-    u = np.asarray(directions, float)
-    phase = k * np.tensordot(pistons.centres, u[:2], axes=(0, 0))
-    waves = np.tensordot(np.asarray(velocity), np.exp(1j * phase), axes=(0, 0))
-    return np.asarray(1j * _per_velocity(pistons, omega, medium) * waves)
-
-
 def pressure_level(pressure: ArrayLike) -> Array:
     """Return the sound pressure level in dB re 20 µPa of complex amplitudes in Pa."""
     rms = np.abs(np.asarray(pressure)) / np.sqrt(2)
