@@ -130,15 +130,15 @@ def test_cameras_that_stand_square_are_moved_and_keep_the_rules(conforms, reques
 
 def test_plan_is_never_worse_than_that_for_the_shape_but_better(conforms, made, request_):
     shape = plan(plan_request(ASKED))
-    (one,), (found,), (before,) = made.options, made.verified, shape.options
-    np.testing.assert_array_equal(one.instead.plan.layout, before.layout)
-    conforms.closed_form(one.error, below=one.instead.field.max() * (1 + 1e-12))
+    (one,), (before,) = made.options, shape.options
+    np.testing.assert_array_equal(one.shape_plan.layout, before.layout)
+    conforms.closed_form(one.error, below=one.shape_plan_error.max() * (1 + 1e-12))
     assert errors.is_allowed(one.scene, one.layout)
-    conforms.sampled(found.simulated / one.predicted, 1, atol=0.15)
-    assert np.all((found.band[0] < found.simulated) & (found.simulated < found.band[1]))
+    conforms.sampled(one.simulated / one.predicted, 1, atol=0.15)
+    assert np.all((one.band[0] < one.simulated) & (one.simulated < one.band[1]))
     asked = before.scene, before.layout, 320, 400, 0, "least-squares"
     simulated, _ = sound.simulate_sound_errors(request_.sounds, errors.draw_errors(*asked))
-    conforms.sampled(found.simulated.max() / simulated.max(), below=0.9)
+    conforms.sampled(one.simulated.max() / simulated.max(), below=0.9)
 
 
 GAINS = {  # by goal: changed parameters, quantity, at most of before

@@ -152,7 +152,12 @@ class Option:
     predicted: Array  #: The error that counts, of each mode, shape (modes,)
     bound: float  #: What `expected` of no layout on the grid of the search can be below
     scene: Scene  #: What was optimised
-    instead: Instead | None = None  #: What this was planned for sound in place of
+    #: Simulation in %: rms over the trials (modes,), and 5 and 95 % quantiles (2, modes)
+    simulated: Any = None
+    band: Any = None
+    #: The plan for the shape, which one for sound began with, and its sound's errors by mode, %
+    shape_plan: Option | None = None
+    shape_plan_error: Array | None = None
 
     @property
     def error(self) -> float:
@@ -166,29 +171,12 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Instead:
-    """The plan for the shape, which one for sound began with, and its sound's errors by mode, %."""
-
-    plan: Option
-    field: Array
-
-
-@dataclass(frozen=True)
-class Verified:
-    """Simulation of an option, by mode in %: rms over the trials, and 5 and 95 % quantiles."""
-
-    simulated: Array
-    band: Array
-
-
-@dataclass(frozen=True)
 class Plan:
     """What was found."""
 
     request: PlanRequest  #: What was asked
     body: Body  #: What is measured
     options: list[Option]  #: Every number of cameras with every resolution
-    verified: list[Verified]  #: Their simulations
     front: list[int]  #: Options that no other beats in cost without being less accurate, by cost
     chosen: int  #: The cheapest that reaches the target, or without a target the most accurate
     candidates: int  #: Places on the grid of the search
@@ -237,26 +225,25 @@ def plan(
         tell("moving cameras for the sound")
         options = for_sound(options, request)
     draws = max(request.trials, 1), request.seed, request.estimator
-    verified: list[Verified] = []
-    for one in options:
+    for i, one in enumerate(options):
         wrong = errors.draw_errors(one.scene, one.layout, one.resolution[0], *draws)
         if request.goal == "shape":
             found = errors.simulate_errors(one.scene, wrong, request.objective, one.point)
         else:
             found = sound.simulate_sound_errors(request.sounds, wrong, request.goal)
-        verified.append(Verified(*found))
+        options[i] = replace(one, simulated=found[0], band=found[1])
     front = pareto([one.cost for one in options], [one.error for one in options])
     chosen, target = front[-1], request.target_percent
     if target is not None:
         reached = [
             i
-            for i, (one, found) in enumerate(zip(options, verified, strict=True))
-            if max(one.error, float(found.simulated.max())) <= target
+            for i, one in enumerate(options)
+            if max(one.error, float(one.simulated.max())) <= target
         ]
         if not reached:
             raise explain_unreached(options[chosen], request)
         chosen = min(reached, key=lambda i: (options[i].cost, options[i].error))
-    return Plan(request, body, options, verified, front, chosen, total)
+    return Plan(request, body, options, front, chosen, total)
 
 
 def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
@@ -269,14 +256,14 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
         around = about.setdefault(one.scene.aspect, search.Surroundings(one.scene))
         width = one.resolution[0]
         layout = sound.move_cameras(sounds, around, one.layout, width, goal)
-        field, own = (
+        by_shape, own = (
             sound.predict_sound_errors(sounds, one.scene, each, width, goal)
             for each in (one.layout, layout)
         )
         averaged = sound.average_sound_error(sounds, one.scene, layout, width, goal)
         point, worst = errors.predict_errors(one.scene, layout, width), float(averaged.max())
         moved = replace(one, layout=layout, predicted=own, expected=worst, point=point)
-        found.append(replace(moved, bound=np.nan, instead=Instead(one, field)))
+        found.append(replace(moved, bound=np.nan, shape_plan=one, shape_plan_error=by_shape))
     return found
 
 
@@ -375,7 +362,6 @@ def as_cube(made: Plan) -> xr.Dataset:
         centres = positions.camera_centres(one.scene, one.layout)
         columns = [turned, np.degrees(elevation), distance, focal, centres]
         row[: len(one.layout)] = np.column_stack(columns)
-    verified = made.verified
     values: dict[str, Any] = {
         "n_cameras": [len(one.layout) for one in options],
         "width_px": [one.resolution[0] for one in options],
@@ -386,9 +372,9 @@ def as_cube(made: Plan) -> xr.Dataset:
         "expected_error": [one.expected for one in options],
         "bound": [one.bound for one in options],
         "predicted_error": [one.predicted for one in options],
-        "simulated_error": [one.simulated for one in verified],
-        "simulated_low": [one.band[0] for one in verified],
-        "simulated_high": [one.band[1] for one in verified],
+        "simulated_error": [one.simulated for one in options],
+        "simulated_low": [one.band[0] for one in options],
+        "simulated_high": [one.band[1] for one in options],
         "on_front": [int(i in made.front) for i in range(len(options))],
         "chosen": made.chosen,
         "camera_azimuth": places[:, :, 0],
@@ -417,9 +403,10 @@ def as_cube(made: Plan) -> xr.Dataset:
         },
     )
     cube = cube.assign(label_values({name: values[name] for name in VARIABLES}, VARIABLES))
-    if instead := [one.instead.field for one in options if one.instead]:
+    if best.shape_plan:
         cube.attrs["goal"] = made.request.goal
-        cube = cube.assign(label_values({"shape_plan_error": instead}, OF_SOUND))
+        before = {"shape_plan_error": [one.shape_plan_error for one in options]}
+        cube = cube.assign(label_values(before, OF_SOUND))
     return cube
 
 

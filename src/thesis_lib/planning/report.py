@@ -277,7 +277,6 @@ def _format_cost(plan_: Plan, cost: float) -> str:
 def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
     """Return what was found, in a few lines."""
     request, best = plan_.request, plan_.options[plan_.chosen]
-    simulated = plan_.verified[plan_.chosen].simulated
     quantity, _ = QUANTITY_WORDS[request.goal]
     kind = "mean" if request.objective == "mean" else "worst marker's"
     return render_lines(
@@ -285,11 +284,10 @@ def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
         plan=plan_,
         request=request,
         best=best,
-        simulated=simulated,
-        ratios=simulated / best.predicted,
-        kind=quantity if best.instead else kind,
+        ratios=best.simulated / best.predicted,
+        kind=quantity if best.shape_plan else kind,
         quantity=quantity,
-        shape_error=errors.objective_error(best.point, "mean").max() if best.instead else None,
+        shape_error=errors.objective_error(best.point, "mean").max() if best.shape_plan else None,
         cost=partial(_format_cost, plan_),
         study="" if file else study_of(request, best.layout, best.resolution),
         file=file,
@@ -317,6 +315,6 @@ def build_page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str
         rows=rows,
         front=("svg", front.encode()),
         reference=QUANTITY_WORDS[plan_.request.goal][1],
-        options=list(zip(plan_.options, plan_.verified, notes, strict=True)),
+        options=list(zip(plan_.options, notes, strict=True)),
         cost=partial(_format_cost, plan_),
     )
