@@ -151,18 +151,12 @@ EDGE_PLACES = 32  # places on a marker's edge
 PRESSURE_PLANE = planes.Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
 
 
-@dataclass(frozen=True)
-class TrueSound:
-    """What a structure radiates as it moves."""
-
-    power: float  #: In W
-    efficiency: float
-    field: ComplexArray  #: Pressure on :data:`PRESSURE_PLANE` in Pa, shape (places,)
-
-
-def true_sound(own: Driven, peak: float, medium: radiation.Medium) -> TrueSound:
+def true_sound(
+    own: Driven, peak: float, medium: radiation.Medium
+) -> tuple[float, float, ComplexArray]:
     """Compute the sound of the true motion with a largest deflection `peak` in m, finely.
 
+    It is the power in W, the efficiency, and the pressure on :data:`PRESSURE_PLANE` in Pa.
     Its nodes are more than twice as many as those of a measurement, which leaves a fifth of the
     error of their sum.
     """
@@ -172,7 +166,7 @@ def true_sound(own: Driven, peak: float, medium: radiation.Medium) -> TrueSound:
     power = _of(surface.power_form(moving, omega, medium), q)
     plain = _of(surface.plane_wave_form(moving, omega, medium), q)
     matrix = surface.pressure_matrix(moving, PRESSURE_PLANE.points.reshape(3, -1), omega, medium)
-    return TrueSound(power, power / plain, matrix @ q)
+    return power, power / plain, matrix @ q
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ half as many errors as there are markers. Random shifts of the pixel grids undo 
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -120,23 +119,14 @@ def _mean_deflection(one: xr.Dataset) -> float:
     return float(100 * np.mean(moved) / np.max(moved))
 
 
-@dataclass(frozen=True)
-class Symmetry:
-    """Effect of a mirror on one case of one structure."""
+def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> dict[str, float]:
+    """Compare cases of a cube with the same cases of the rectangle's cube.
 
-    #: Share of the markers with a mirrored partner on the plate whose literal deflections have the
-    #: same size as their partner's
-    same: float
-    #: Root mean square of ln(error / law), of the nominal runs and of the trials
-    literal: float
-    drawn: float
-    #: Error over that of the rectangle, median over settings and modes, by trials and by the law
-    simulated: float
-    predicted: float
-
-
-def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symmetry:
-    """Compare cases of a cube with the same cases of the rectangle's cube."""
+    Returned are the share of the markers with a mirrored partner on the plate whose literal
+    deflections have the `same` size as their partner's; the rms of ln(error / law) of the nominal
+    (`literal`) runs and of the trials (`drawn`); and the error over that of the rectangle, median
+    over settings and modes, by trials (`simulated`) and by the law (`predicted`).
+    """
     chosen = [np.flatnonzero(np.isin(c["case"].values, cases)) for c in (cube, plate)]
     part, whole = cube.isel(setting=chosen[0]), plate.isel(setting=chosen[1])
     half = np.array(schema.structure_extent(part)) / 2
@@ -147,13 +137,13 @@ def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> 
     off = np.log(part["mean_error"].values / part["predicted_error"].values[..., None])
     rms = [selection.trial_rms(c["mean_error"]).values for c in (part, whole)]
     law = part["predicted_error"].values / whole["predicted_error"].values
-    return Symmetry(
-        float(np.mean(np.abs(size[..., one] - size[..., other]) < MAX_ROUNDING_M)),
-        float(np.sqrt(np.mean(off[..., 0] ** 2))),
-        float(np.sqrt(np.mean(off[..., 1:] ** 2))),
-        float(np.median(rms[0] / rms[1])),
-        float(np.median(law)),
-    )
+    return {
+        "same": float(np.mean(np.abs(size[..., one] - size[..., other]) < MAX_ROUNDING_M)),
+        "literal": float(np.sqrt(np.mean(off[..., 0] ** 2))),
+        "drawn": float(np.sqrt(np.mean(off[..., 1:] ** 2))),
+        "simulated": float(np.median(rms[0] / rms[1])),
+        "predicted": float(np.median(law)),
+    }
 
 
 def list_mirrors(opened: Mapping[str, xr.Dataset]) -> str:
