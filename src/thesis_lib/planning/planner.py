@@ -330,6 +330,7 @@ CAMERA_COLUMNS = (
 )  # fmt: skip
 OF_SOUND = read_variables(__file__, "sound")
 VARIABLES = read_variables(__file__, "plan")
+COORDINATES = read_variables(__file__, "coordinates")
 
 
 def camera_table(cube: xr.Dataset, option: int) -> str:
@@ -390,10 +391,7 @@ def as_cube(made: Plan) -> xr.Dataset:
         "frequency": body.frequencies,
     }
     cube = xr.Dataset(
-        coords={
-            "mode": ("mode", list(body.modes), {"units": "1", "long_name": "mode number"}),
-            "axis": ("axis", ["x", "y", "z"], {"units": "1", "long_name": "axis"}),
-        },
+        coords=label_values({"mode": body.modes, "axis": list("xyz")}, COORDINATES),
         attrs={
             "structure": body.name,
             "candidates": np.int64(made.candidates),

@@ -155,18 +155,11 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
         most.
     """
     body, kind = body_of(structure, "", modes), type(structure).__name__
-    places = {
-        name: ("point", values, {"units": "m", "long_name": f"position along {name}"})
-        for name, values in zip("xyz", body.points, strict=True)
-    }
-    shape = {"units": "1", "long_name": "mode shape along z, 1 where it is largest"}
-    hertz = {"units": "Hz", "long_name": "natural frequency"}
-    values = {
-        "shape": (("mode", "point"), body.shapes, shape),
-        "frequency": ("mode", body.frequencies, hertz),
-    }
-    numbers = {"mode": ("mode", np.array(modes), {"units": "1", "long_name": "mode number"})}
-    data = xr.Dataset(places | values, numbers, {"title": "Markers and mode shapes"})
+    values = *body.points, body.shapes, body.frequencies, np.array(modes)
+    table = schema.read_variables(__file__, "structure")
+    named = schema.label_values(dict(zip(table, values, strict=True)), table)
+    numbers = {"mode": named.pop("mode")}
+    data = xr.Dataset(named, numbers, {"title": "Markers and mode shapes"})
     return schema.with_origin(data, f"thesis_lib.planning.structure_file, {kind}")
 
 

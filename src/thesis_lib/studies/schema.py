@@ -9,7 +9,7 @@ import json
 import platform
 import subprocess
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -135,6 +135,8 @@ SHORT_TYPES = {"measured_deflection": "float32"}
 """Type on disk where it is not float64, in which rounding would not matter."""
 CAMERA_VARIABLES = read_variables(__file__, "cameras")
 REFERENCE_VARIABLE = read_variables(__file__, "reference")
+SETTING_COORDINATES = read_variables(__file__, "settings")
+DESCRIBING_COORDINATES = read_variables(__file__, "descriptions")
 
 
 def extreme_settings(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
@@ -184,30 +186,25 @@ def study_coordinates(
     """Return the coordinates of a study's cube: settings, modes, trials, points."""
     x, y = structure.markers
     hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
-    words = "random shift of the pixel grids, 0 for the nominal run"
-
-    def along_dimension(dim: str, values: Any, long_name: str, units: str = "1") -> Any:
-        return dim, np.array(values), {"long_name": long_name, "units": units}
-
-    def along_settings(long_name: str, of: Callable[[Setting], Any], units: str = "1") -> Any:
-        return along_dimension("setting", [of(setting) for setting in settings], long_name, units)
-
-    varied = {"mm": "mm", "°": "degree"}.get(fields.unit_of_field(study.varied), "1")
-    return {
-        "case": along_settings("case of the thesis, or layout", lambda s: s.case),
-        "parameter": along_settings("varied parameter", lambda _: study.varied),
-        "value": along_settings("value of the varied parameter", lambda s: float(s.value), varied),
-        "label": along_settings("value of the varied parameter, with unit", lambda s: s.label),
-        "n_cameras": along_settings("number of cameras", lambda s: len(s.directions_deg)),
-        "width_px": along_settings("width of the sensor", lambda s: s.resolution_px[0]),
-        "height_px": along_settings("height of the sensor", lambda s: s.resolution_px[1]),
-        "pair_order": along_settings("order of adding pairs", lambda s: s.pair_order),
-        "mode": along_dimension("mode", modes, "mode number"),
-        "frequency": along_dimension("mode", hertz[np.array(modes) - 1], "natural frequency", "Hz"),
-        "trial": along_dimension("trial", range(study.trials + 1), words),
-        "x": along_dimension("point", x, "marker position along the length", "m"),
-        "y": along_dimension("point", y, "marker position across", "m"),
+    values = {
+        "case": [one.case for one in settings],
+        "parameter": [study.varied] * len(settings),
+        "value": [float(one.value) for one in settings],
+        "label": [one.label for one in settings],
+        "n_cameras": [len(one.directions_deg) for one in settings],
+        "width_px": [one.resolution_px[0] for one in settings],
+        "height_px": [one.resolution_px[1] for one in settings],
+        "pair_order": [one.pair_order for one in settings],
+        "mode": modes,
+        "frequency": hertz[np.array(modes) - 1],
+        "trial": range(study.trials + 1),
+        "x": x,
+        "y": y,
     }
+    coords = label_values(values, SETTING_COORDINATES)
+    unit = fields.unit_of_field(study.varied)
+    coords["value"][2]["units"] = {"mm": "mm", "°": "degree"}.get(unit, "1")
+    return coords
 
 
 # Attributes: what a cube is, and how it was made.
@@ -272,13 +269,9 @@ def describe_study(cube: xr.Dataset, study: Study) -> xr.Dataset:
     cases, modes = cube["case"].values.tolist(), cube["mode"].values.tolist()
     titles = [setups.case_title(*kind, case) for case in cases]
     numbers = [[setups.figure_number(*kind, case, mode) for mode in modes] for case in cases]
-    words = {"long_name": "description of the case", "units": "1"}
-    figure = {"long_name": "number of the figure in the thesis, if there is one", "units": "1"}
     structure = study.structure
     half = np.array(structure.extent) / 2
     about = {
-        "units": "m",
-        "long_name": "outline of the structure, then outlines of holes",
         "structure": type(structure).__name__.lower(),
         "length": np.float64(structure.extent[0]),
         "width": np.float64(structure.extent[1]),
@@ -289,11 +282,11 @@ def describe_study(cube: xr.Dataset, study: Study) -> xr.Dataset:
     else:
         curves = [half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]]
     rows = [np.insert(curve, len(curve), np.nan, axis=0) for curve in curves]
-    return cube.assign_coords(
-        case_title=("setting", titles, words),
-        thesis_figure=(("setting", "mode"), np.array(numbers), figure),
-        outline=(("corner", "xy"), np.concatenate(rows), about),
-    )
+    values = titles, numbers, np.concatenate(rows)
+    named = dict(zip(DESCRIBING_COORDINATES, values, strict=True))
+    coords = label_values(named, DESCRIBING_COORDINATES)
+    coords["outline"][2].update(about)
+    return cube.assign_coords(coords)
 
 
 def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
