@@ -1,5 +1,6 @@
 """Arrays by what they hold; their shapes stand where they are used."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "Array", "ArrayLike", "ComplexArray", "Image", "IntArray", "Mask", "NDArray", "Signal",
+    "stack_padded",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -15,3 +17,19 @@ IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]
 Signal = NDArray[np.floating[Any]]
+
+
+def stack_padded(arrays: Iterable[ArrayLike], fill: float = np.nan) -> NDArray[Any]:
+    """Stack arrays along a new first dimension, filled up to the size of the largest.
+
+    Examples
+    --------
+    >>> stack_padded([[1, 2], [3]], fill=0)
+    array([[1, 2],
+           [3, 0]])
+    """
+    every = [np.asarray(one) for one in arrays]
+    size = np.max([one.shape for one in every], axis=0)
+    beyond = [[(0, n) for n in size - one.shape] for one in every]
+    pairs = zip(every, beyond, strict=True)
+    return np.stack([np.pad(one, more, constant_values=fill) for one, more in pairs])

@@ -17,7 +17,7 @@ import pandas as pd
 import xarray as xr
 from pydantic_core import PydanticCustomError
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, stack_padded
 from thesis_lib.planning import errors, positions, search, sound
 from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
 from thesis_lib.planning.positions import Body, Scene, candidate_positions
@@ -353,16 +353,15 @@ def as_cube(made: Plan) -> xr.Dataset:
     """Return the cube of a plan: every option, the proposed one marker by marker."""
     options, body = made.options, made.body
     best = options[made.chosen]
-    most = max(len(one.layout) for one in options)
-    # azimuth and elevation in degrees, distance and focal length in m, position in m
-    places = np.full((len(options), most, 7), np.nan)
-    for row, one in zip(places, options, strict=True):
+    rows = []  # azimuth and elevation in degrees, distance and focal length in m, position in m
+    for one in options:
         azimuth, elevation, distance, focal = one.layout.T
         turned = np.mod(np.degrees(azimuth) + 180, 360) - 180
         focal = focal * made.request.sensor_width_mm / 1000
         centres = positions.camera_centres(one.scene, one.layout)
         columns = [turned, np.degrees(elevation), distance, focal, centres]
-        row[: len(one.layout)] = np.column_stack(columns)
+        rows.append(np.column_stack(columns))
+    places = stack_padded(rows)
     values: dict[str, Any] = {
         "n_cameras": [len(one.layout) for one in options],
         "width_px": [one.resolution[0] for one in options],

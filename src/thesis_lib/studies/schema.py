@@ -20,7 +20,7 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, IntArray, stack_padded
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.files import NoCloneError, library_digest, project_root
@@ -171,12 +171,8 @@ def of_settings(
 
 def camera_places(settings: list[Setting]) -> dict[str, Any]:
     """Return the distance, azimuth and elevation of each setting's cameras, NaN-padded."""
-    most = max(len(setting.directions_deg) for setting in settings)
-    table = np.full((3, len(settings), most), np.nan)
-    for i, setting in enumerate(settings):
-        there = slice(len(setting.directions_deg))
-        table[0, i, there] = setting.distance_mm / 1000
-        table[1:, i, there] = np.transpose(setting.directions_deg)
+    rows = ([(one.distance_mm / 1000, *d) for d in one.directions_deg] for one in settings)
+    table = np.moveaxis(stack_padded(rows), -1, 0)
     return label_values(dict(zip(CAMERA_VARIABLES, table, strict=True)), CAMERA_VARIABLES)
 
 

@@ -31,7 +31,7 @@ import xarray as xr
 
 from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.acoustics.radiation import Medium
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, stack_padded
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading
 from thesis_lib.figure_sets.claims.figure_set import Claims
@@ -228,12 +228,8 @@ def run_layouts(study: Claims) -> xr.Dataset:
         found += [(name, series) for series in source.read(runs)]
     askew = camera_study("plate-arrays", {"cases": ["4a"], **draws})
     found += [(ASKEW_PLATE, series) for series in _askew(askew)]
-    most = max(len(series.values) for _, series in found)
-    values = np.full((len(found), most), np.nan)
-    errors = np.full((len(found), most, study.trials), np.nan, "float32")
-    for row, (_, series) in enumerate(found):
-        values[row, : len(series.values)] = series.values
-        errors[row, : len(series.values)] = series.errors
+    values = stack_padded(series.values for _, series in found)
+    errors = stack_padded(series.errors.astype("float32") for _, series in found)
     rows = ((name, series.quantity, series.case, series.mode) for name, series in found)
     coords = dict(zip(OWN_COORDINATES, zip(*rows, strict=True), strict=True))
     made = {"errors": errors, "values": values}
