@@ -65,11 +65,16 @@ def write_board_images(rig: Rig, index: int, folder: Path) -> None:
         media.write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
 
 
-def write_recording(rig: Rig, folder: Path, codec: Codec = "ffv1") -> Path:
-    """Write videos and board images of all cameras, side by side; return the manifest's path."""
+def write_recording(
+    rig: Rig, folder: Path, codec: Codec = "ffv1", filmed: Rig | None = None
+) -> Path:
+    """Write videos and board images of all cameras, side by side; return the manifest's path.
+
+    The videos are those of the rig as `filmed`, whose cameras may read parts of their sensors.
+    """
 
     def write_camera(index: int) -> None:
-        write_video(rig, index, folder, codec)
+        write_video(filmed or rig, index, folder, codec)
         write_board_images(rig, index, folder)
 
     map_in_pairs(write_camera, range(len(rig.stations)))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, IntArray, stack_padded
 from thesis_lib.measure.calibration import rig
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.fitting import reconstruction as rc
@@ -26,7 +26,7 @@ from thesis_lib.measure.fitting.harmonics import (
 )
 from thesis_lib.measure.recordings.board import Board, Markers
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.recordings.validation import check_files, markers_of
+from thesis_lib.measure.recordings.validation import check_files, clock_of, markers_of
 from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers
 from thesis_lib.measure.synchronisation.listen import whole_frames
 from thesis_lib.measure.tracking.tracks import Recording
@@ -55,9 +55,15 @@ def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
 
 
 def measure_recordings(
-    manifest: Manifest, folder: Path, steps: Path, widths: Sequence[int] = ()
+    manifest: Manifest,
+    folder: Path,
+    steps: Path,
+    widths: Sequence[int] = (),
+    windows: Sequence[tuple[Array, tuple[int, int]]] = (),
 ) -> xr.Dataset:
     """Calibrate, listen and track, at some widths in px or at that of the first camera.
+
+    Videos may hold parts of the sensors: `windows`, of each its corner and its size in px.
 
     Returns
     -------
@@ -65,13 +71,20 @@ def measure_recordings(
         Dimensions ``camera``, ``width``, ``frame``, ``axis``, ``marker``, ``calibration``:
         centres in px (distortion included), both calibrations, delays, force.
     """
-    clocks = check_files(manifest, folder)
+    clocks = [clock_of(camera, folder) for camera in manifest.cameras if windows]
+    clocks = clocks or check_files(manifest, folder)
     full = manifest.cameras[0].width_px
     widths = list(widths) or [full]
     calibration, sound = calibrate_rig(manifest, folder, steps), read_sound(manifest, folder, steps)
+    seen, corners = calibration, None
+    if windows:
+        corners, sizes = (np.array(part) for part in zip(*windows, strict=True))
+        K = calibration["K"].copy(deep=True)
+        K.values[:, :2, 2] -= corners
+        seen = calibration.assign(K=K, size=calibration["size"].copy(data=sizes))
     shares = [width / full for width in widths]
-    followed = track_markers(manifest, folder, steps, calibration, sound, clocks, shares)
-    data = join_steps(manifest, widths, calibration, sound, followed)
+    followed = track_markers(manifest, folder, steps, seen, sound, clocks, shares)
+    data = join_steps(manifest, widths, calibration, sound, followed, corners)
     check_grid(data, markers_of(manifest))
     return data
 
@@ -101,11 +114,7 @@ def join_steps(
     `corners`, shape (cameras, 2), are where the frames begin on the sensors, in px of full size.
     """
     names = [camera.name for camera in manifest.cameras]
-    every = [np.load(own.path).swapaxes(0, 1) for own in followed]
-    longest = max(own.shape[1] for own in every)
-    both = np.full((len(names), 2 * len(widths), longest, *every[0].shape[2:]), np.nan)
-    for padded, own in zip(both, every, strict=True):
-        padded[:, : own.shape[1]] = own
+    both = stack_padded(np.load(own.path).swapaxes(0, 1) for own in followed)
     tracks, matches = np.moveaxis(both.reshape(len(names), 2, len(widths), *both.shape[2:]), 1, 0)
     if corners is not None:
         shift = np.array(widths)[:, None] / manifest.cameras[0].width_px * corners[:, None]
