@@ -1,7 +1,9 @@
 """Parameters of all camera studies: the lens, the vibration, and places of the cameras."""
 
+import inspect
 import math
-from typing import Annotated, Literal, Self
+from collections.abc import Callable
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -63,9 +65,13 @@ class CameraStudy(Study):
     modes: fields.Several[fields.Mode] = [1, 2, 3]
     """modes to measure"""
 
+    #: Returns the study's settings; its parameters are fields
+    list_settings: ClassVar[Callable[..., list[setups.Setting]]]
+
     def thesis_settings(self) -> list[setups.Setting]:
         """Return the study's settings with azimuths as they are given."""
-        raise NotImplementedError
+        names = inspect.signature(self.list_settings).parameters
+        return self.list_settings(**{name: getattr(self, name) for name in names})
 
     def settings(self) -> list[setups.Setting]:
         """Return the study's settings in the order of the thesis's tables, azimuths from +Y."""

@@ -47,6 +47,7 @@ class Distance(CameraStudy):
     title = "distance of the cameras"
     varied = "distance_mm"
     varied_label = "distance d"
+    list_settings = staticmethod(setups.distance_settings)
 
     distances_mm: fields.Several[fields.Positive]
     """distances of the pair from the structure's centre, beyond its reach"""
@@ -54,12 +55,6 @@ class Distance(CameraStudy):
     elevation_deg: fields.Elevation
     """elevation of the cameras"""
     resolution_px: fields.SensorSize
-
-    def thesis_settings(self) -> list[setups.Setting]:
-        """Return one setting per distance."""
-        return setups.distance_settings(
-            self.distances_mm, self.azimuth_deg, self.elevation_deg, self.resolution_px
-        )
 
 
 class Aperture(CameraStudy):
@@ -69,6 +64,7 @@ class Aperture(CameraStudy):
     title = "aperture between the cameras"
     varied = "aperture_deg"
     varied_label = "aperture α"
+    list_settings = staticmethod(setups.aperture_settings)
 
     cases: fields.Several[Literal["2a", "2b", "2c", "2d"]] = ["2a", "2b", "2c", "2d"]
     """cases to run"""
@@ -81,17 +77,6 @@ class Aperture(CameraStudy):
     distance_mm: FromCentre
     resolution_px: fields.SensorSize
 
-    def thesis_settings(self) -> list[setups.Setting]:
-        """Return the cases in the order asked for, apertures in the order of the table."""
-        return setups.aperture_settings(
-            self.cases,
-            self.half_apertures_deg,
-            self.elevations_deg,
-            self.elevation_deg,
-            self.distance_mm,
-            self.resolution_px,
-        )
-
 
 class Resolutions(CameraStudy):
     """Case 3: two cameras of growing resolution (sections 3.3.3, 4.2.3, 6.2.3)."""
@@ -100,6 +85,7 @@ class Resolutions(CameraStudy):
     title = "resolution of the cameras"
     varied = "width_px"
     varied_label = "resolution"
+    list_settings = staticmethod(setups.resolution_settings)
 
     widths_px: fields.Several[fields.Width]
     """widths of the sensors; heights are 9/16 of them"""
@@ -107,12 +93,6 @@ class Resolutions(CameraStudy):
     azimuth_deg: OfPair
     elevation_deg: fields.Elevation
     """elevation of the cameras"""
-
-    def thesis_settings(self) -> list[setups.Setting]:
-        """Return one setting per width."""
-        return setups.resolution_settings(
-            self.widths_px, self.distance_mm, self.azimuth_deg, self.elevation_deg
-        )
 
 
 class Arrays(CameraStudy):
