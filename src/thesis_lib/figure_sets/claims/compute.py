@@ -20,7 +20,7 @@ that makes little difference tests little.
 import hashlib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from itertools import product
 from pathlib import Path
@@ -78,8 +78,12 @@ class Source:
         return [study_command(study) for study in self.requests]
 
 
-def _read_one(name: Callable[[str], str], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
-    return [series for cube in made for series in verdicts.series_of(cube, name)]
+def _renamed(
+    names: Sequence[Callable[[str], str]], made: Sequence[xr.Dataset]
+) -> list[verdicts.Series]:
+    """Return the series of studies, whose cases are renamed by a function for each study."""
+    pairs = zip(made, names, strict=True)
+    return [series for pair in pairs for series in verdicts.series_of(*pair)]
 
 
 def _across(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
@@ -95,17 +99,6 @@ def _across(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdict
         )
         for first in zip(*runs, strict=True)
         for number, label in enumerate(first[0].values)
-    ]
-
-
-def _named_after(
-    name: str, labels: Sequence[object], made: Sequence[xr.Dataset]
-) -> list[verdicts.Series]:
-    """Return the series of studies that differ in one value, named after case and label."""
-    return [
-        replace(series, case=name.format(case=series.case, label=label))
-        for label, cube in zip(labels, made, strict=True)
-        for series in verdicts.series_of(cube)
     ]
 
 
@@ -162,14 +155,14 @@ def _structure_sources(structure: str) -> dict[str, Source]:
     low = [aperture({"cases": ["2a", "2c"], "elevation_deg": phi}) for phi in elevations]
     other = {"4b": "4b-reversed", "4d": "4d-printed"}
     return {
-        f"{structure}-other-order": Source((order,), partial(_read_one, other.__getitem__)),
+        f"{structure}-other-order": Source((order,), partial(_renamed, [other.__getitem__])),
         f"{structure}-tilted": Source(
             (_layouts(structure, tilts),), partial(_by_layout, TILTS_DEG)
         ),
-        f"{structure}-singly": Source((_layouts(structure, singly),), partial(_read_one, str)),
+        f"{structure}-singly": Source((_layouts(structure, singly),), partial(_renamed, [str])),
         f"{structure}-apart": Source(
             tuple(aperture({"distance_mm": d}) for d in distances),
-            partial(_named_after, "{case} at {label:g}", distances),
+            partial(_renamed, [f"{{}} at {d:g}".format for d in distances]),
         ),
         f"{structure}-elevation": Source(tuple(low), partial(_across, elevations)),
     }
@@ -210,7 +203,7 @@ def own_sources() -> dict[str, Source]:
         cameras = [[side * azimuth, elevation] for azimuth in pairs for side in (1, -1)]
         layouts[f"{n} {phi} {half}"] = [cameras]
     corners = tuple(_layouts("beam", layouts, distance_mm=d) for d in (near, FAR_RATIO * near))
-    named = partial(_named_after, "{case} {label}", ("near", "far"))
+    named = partial(_renamed, ["{} near".format, "{} far".format])
     return {
         **_structure_sources("beam"),
         **_structure_sources("plate"),
