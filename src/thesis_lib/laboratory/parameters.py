@@ -22,7 +22,7 @@ from thesis_lib.files import shipped
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study
 from thesis_lib.vibration.motion import alias_clearance
-from thesis_lib.vibration.structure import Structure, peak_deflection, resonance_frequency
+from thesis_lib.vibration.structure import Structure, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
 MIN_ALIAS_PERIODS = 0.5  # periods that an alias stays away from 0 and from half of the frame rate
@@ -122,17 +122,6 @@ class Repeated(RenderedStudy):
         """Return how many replicates are wanted where so many are stored."""
         count = max(stored, 1) if self.repeats == "kept" else self.repeats
         return min(count, self.trials + 1)
-
-
-def peaks_m(
-    structure: Structure, modes: Sequence[int], amplitude_mm: float | list[float] | str
-) -> list[float]:
-    """Return largest deflection of each mode in m; ``force`` is what 1 N makes of it."""
-    if isinstance(amplitude_mm, str):
-        return [peak_deflection(structure, mode) for mode in modes]
-    if isinstance(amplitude_mm, list):
-        return [peak / 1000 for peak in amplitude_mm]
-    return [amplitude_mm / 1000] * len(modes)
 
 
 def view_extent(

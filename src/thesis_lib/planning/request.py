@@ -12,7 +12,7 @@ from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.facts import setups
 from thesis_lib.planning.positions import Body, Rules, Scene, body_of
 from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study, distance_limit, validate_values
+from thesis_lib.studies.request import Study, distance_limit, peaks_m, validate_values
 from thesis_lib.vibration.structure import Structure
 
 Coordinate = Annotated[fields.Real, Field(ge=-1e5, le=1e5)]
@@ -133,9 +133,7 @@ class PlanRequest(Study):
     @property
     def peaks_m(self) -> tuple[float, ...]:
         """Return the peak deflection of each mode in m."""
-        if isinstance(self.amplitude_mm, list):
-            return tuple(peak / 1000 for peak in self.amplitude_mm)
-        return (float(self.amplitude_mm) / 1000,) * len(self.modes)
+        return tuple(peaks_m(self.structure, self.modes, self.amplitude_mm))
 
     def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
         """Return what is measured with images in the proportion of one of the resolutions."""

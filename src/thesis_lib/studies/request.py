@@ -4,7 +4,7 @@ import hashlib
 import json
 import shlex
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
@@ -14,7 +14,12 @@ from thesis_lib.acoustics.radiation import FINER_PISTONS, Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.studies import fields
 from thesis_lib.text import RefusedError, listed, one_line
-from thesis_lib.vibration.structure import Plate, Structure, resonance_frequency
+from thesis_lib.vibration.structure import (
+    Plate,
+    Structure,
+    peak_deflection,
+    resonance_frequency,
+)
 
 CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
@@ -94,6 +99,17 @@ class Study(fields.Fields):
 
 
 AnyStudy = TypeVar("AnyStudy", bound=Study)
+
+
+def peaks_m(
+    structure: Structure, modes: Sequence[int], amplitude_mm: float | list[float] | str
+) -> list[float]:
+    """Return largest deflection of each mode in m; ``force`` is what 1 N makes of it."""
+    if isinstance(amplitude_mm, str):
+        return [peak_deflection(structure, mode) for mode in modes]
+    if isinstance(amplitude_mm, list):
+        return [peak / 1000 for peak in amplitude_mm]
+    return [amplitude_mm / 1000] * len(modes)
 
 
 def distance_limit(reach: float | str) -> str:

@@ -10,8 +10,7 @@ from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study, distance_limit
-from thesis_lib.vibration.structure import peak_deflection
+from thesis_lib.studies.request import Study, distance_limit, peaks_m
 from thesis_lib.vision.pinhole import hemisphere_directions
 from thesis_lib.vision.simulation import LEAST_SQUARES
 
@@ -96,11 +95,7 @@ class CameraStudy(Study):
     @property
     def peaks_m(self) -> list[float]:
         """Return the peak deflection of each mode in m."""
-        if self.amplitude_mm == "force":
-            return [peak_deflection(self.structure, mode) for mode in self.modes]
-        if isinstance(self.amplitude_mm, list):
-            return [peak / 1000 for peak in self.amplitude_mm]
-        return [float(self.amplitude_mm) / 1000] * len(self.modes)
+        return peaks_m(self.structure, self.modes, self.amplitude_mm)
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:
