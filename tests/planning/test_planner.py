@@ -204,8 +204,7 @@ def made():
 
 
 def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
-    target = made.request.target_percent
-    best_ = made.options[made.chosen]
+    target, best_ = made.request.target_percent, made.options[made.chosen]
     conforms.sampled(best_.simulated.max(), below=target)
     assert np.all((best_.band[0] <= best_.simulated) & (best_.simulated <= best_.band[1]))
     for one in made.options:
