@@ -95,7 +95,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
 
     def write(names: list[str], but: str = "") -> None:
         made = build.list_cubes(name for name in STUDIES if name != but)
-        texts.write_pieces(made, EXECUTED_FOLDER, build.without_cubes(), names)
+        texts.write_pieces(made, EXECUTED_FOLDER, names)
 
     def included(*names: str) -> list[Any]:
         return [EXECUTED_FOLDER / f"{name}.md" for name in names]
@@ -153,12 +153,17 @@ def task_piece() -> Iterator[dict[str, Any]]:
         [*PAGES, *PUBLISHED, *library_files()], included(*thesis_index.PIECES),
     )  # fmt: skip
     yield make_task(
+        "benchmarks", lambda: opened.write_texts(EXECUTED_FOLDER, benchmarks.PIECES),
+        [*PUBLISHED, *list_code("book/pieces", *WORD_CODE)], included(*benchmarks.PIECES),
+    )  # fmt: skip
+    yield make_task(
         "conformance", lambda: benchmarks.write_conformance(EXECUTED_FOLDER, CHECKS),
         [*folder_files([CHECKS]), *list_code("book", *WORD_CODE)],
         included(*benchmarks.CONFORMANCE_PIECES),
     )  # fmt: skip
     yield make_task(
-        "explorer, form and demonstrations", lambda: explorer.write_demos(EXECUTED_FOLDER),
+        "explorer, form and demonstrations",
+        lambda: opened.write_texts(EXECUTED_FOLDER, explorer.DEMO_PAGES, ".html"),
         [*PUBLISHED, *TEXT_CODE],
         [EXECUTED_FOLDER / f"{name}.html" for name in explorer.DEMO_PAGES],
     )  # fmt: skip

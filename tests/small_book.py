@@ -10,8 +10,7 @@ STEPS = f"""
 import runpy
 from pathlib import Path
 
-from thesis_lib.book.build import EXECUTED_FOLDER, list_cubes, make_task
-from thesis_lib.book.build import result_files, without_cubes
+from thesis_lib.book.build import EXECUTED_FOLDER, list_cubes, make_task, result_files
 from thesis_lib.book.pieces import write
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 
@@ -32,7 +31,7 @@ def task_inputs():
 
 def task_piece():
     def act():
-        write.write_pieces(list_cubes(), EXECUTED_FOLDER, without_cubes(), ["beam-results"])
+        write.write_pieces(list_cubes(), EXECUTED_FOLDER, ["beam-results"])
 
     needs = [result_files(name)[0] for name in STUDIES]
     yield make_task("numbers", act, needs, [EXECUTED_FOLDER / "beam-results.md"])

@@ -126,7 +126,7 @@ def test_a_missing_cube_is_named_and_the_rest_stands(small, tmp_path, monkeypatc
     folder = tmp_path / "executed"
     folder.mkdir()
     made = [path for name, path in small.items() if name != missing]
-    pieces_write.write_pieces(made, folder, [missing])
+    pieces_write.write_pieces(made, folder)
     texts = {
         name: (folder / f"{name}.md").read_text(encoding="utf-8") for name in conclusions.PIECES
     }

@@ -22,7 +22,7 @@ from thesis_lib.ledger import verdicts
 
 @pytest.fixture(scope="module")
 def opened():
-    return Opened(sorted((files.project_root() / "data" / "results").glob("*.nc")), [])
+    return Opened(sorted((files.project_root() / "data" / "results").glob("*.nc")))
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
     included -= {*find_figure_names(book.glob("*.md"))}  # of notebooks
     included -= {f"provenance-{name}" for name in SETS_IN_CHAPTERS}
-    pieces = (pieces_write, reference, thesis_index)
+    pieces = (pieces_write, benchmarks, reference, thesis_index)
     made = {piece for module in pieces for piece in module.PIECES}
     made |= {*benchmarks.CONFORMANCE_PIECES}
     assert included == {*walk.TEXT_VALUES} | made
@@ -49,7 +49,7 @@ NO_ROWS -= {"conclusions-result"}  # for a table
 
 @pytest.mark.book
 def test_pieces_are_tables_or_sentences_with_numbers_and_without_gaps():
-    for name in pieces_write.PIECES:
+    for name in (*pieces_write.PIECES, *benchmarks.PIECES):
         piece = files.project_root() / "book" / "executed" / f"{name}.md"
         text = piece.read_text(encoding="utf-8")
         assert len(re.findall(r"\d", text)) > 2, name

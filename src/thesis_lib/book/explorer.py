@@ -8,7 +8,6 @@ structures' constants, the thesis's setups, their published errors, and what the
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from thesis_lib.facts import setups
@@ -16,7 +15,6 @@ from thesis_lib.facts.claims import Claim, claims_of
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.figure_sets.parametric.in_page import structure_model
-from thesis_lib.files import whole_text
 from thesis_lib.notebook.show import form_data
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
@@ -153,9 +151,3 @@ DEMO_PAGES: dict[str, Callable[[], str]] = {
     **{name.replace("_", "-"): partial(write_experiment, name) for name in DEMO_NAMES},
 }
 """Pieces of pages that depend on the library, and what is published, alone."""
-
-
-def write_demos(folder: Path) -> None:
-    """Write all of :data:`DEMO_PAGES` into a folder."""
-    for name, page in DEMO_PAGES.items():
-        whole_text(folder / f"{name}.html", page())

@@ -11,7 +11,7 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.conclusions import equal_pixels
 from thesis_lib.book.pieces.factors import FACTORS, estimate_effects, sound_trends
-from thesis_lib.book.pieces.opened import Cubes, of_chapter, of_subject
+from thesis_lib.book.pieces.opened import Cubes, of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound import BEST_DEG, audible_planes, turn_advice
 from thesis_lib.figure_sets.planner.figure_set import THESIS_QUESTIONS
@@ -52,7 +52,7 @@ ERROR_WORDS = {"mean": "mean errors", "peak": "peak errors"}
 
 def describe_chapter(subject: str, opened: Cubes) -> str:
     """Describe what a chapter comes to: changes, agreement, the law of rounding."""
-    chapter = of_chapter(opened, subject)
+    chapter = of_subject(opened, subject)
     changes = _compare_extremes(chapter)
     names = [cube.attrs["figure_set"] for cube in chapter]
     met = list(_check_claims(chapter))
@@ -150,7 +150,7 @@ def describe_repeats(opened: Cubes) -> str:
 
 def tabulate_sound_scatter(opened: Cubes) -> str:
     """Tabulate how far one rounding scatters, by mode and plane."""
-    chapter = of_chapter(opened, "sound")
+    chapter = of_subject(opened, "sound")
     rows = []
     for mode, plane in audible_planes(chapter[0]):
         spread, law, known = [], [], []
@@ -167,7 +167,7 @@ def tabulate_sound_scatter(opened: Cubes) -> str:
 
 def tabulate_sound_layouts(opened: Cubes) -> str:
     """Tabulate the rms field error over the rms deflection error: how the layout changes κ."""
-    chapter = of_chapter(opened, "sound")
+    chapter = of_subject(opened, "sound")
     pairs = audible_planes(chapter[0])
     free = [float(chapter[0]["independent_ratio"].sel(mode=m, plane=p)) for m, p in pairs]
     rows: list[dict[str, Any]] = []

@@ -12,6 +12,7 @@ page includes ``executed/provenance-SET.md``, too.
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +28,10 @@ from thesis_lib.templates import escape_markdown, render
 _PLACEHOLDER_TEXT = "This figure is missing: its run failed."
 
 
-def write_texts(folder: Path, pieces: Mapping[str, Callable[[], str]]) -> None:
+def write_texts(folder: Path, pieces: Mapping[str, Callable[[], str]], suffix: str = ".md") -> None:
     """Write pieces of pages that are made of no cube into a folder, as ``NAME.md``."""
     for name, piece in pieces.items():
-        whole_text(folder / f"{name}.md", piece())
+        whole_text(folder / f"{name}{suffix}", piece())
 
 
 def build_failure_page(source: Path, name: str, reason: str) -> Any:
@@ -84,39 +85,25 @@ Cubes = Mapping[str, xr.Dataset]
 
 
 def of_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
-    """Return the cubes of a subject, such as ``beam``."""
-    return [opened[name] for name in opened if STUDIES[name].subject == subject]
-
-
-def of_chapter(opened: Cubes, subject: str) -> list[xr.Dataset]:
-    """Return the cubes of a subject, all of which the chapter needs."""
-    if isinstance(opened, Opened):
-        opened.wanted |= {name for name in opened.without if STUDIES[name].subject == subject}
-    return of_subject(opened, subject)
+    """Return the cubes of a subject, such as ``beam``; those that are missing count as wanted."""
+    found = [opened.get(name) for name, study in STUDIES.items() if study.subject == subject]
+    return [cube for cube in found if cube is not None]
 
 
 class Opened(Mapping[str, xr.Dataset]):
-    """Cubes by name, which remember what a piece would have used."""
+    """Cubes by name, read when they are first asked for."""
 
-    def __init__(self, made: Iterable[Path], without: Iterable[str]) -> None:
+    def __init__(self, made: Iterable[Path]) -> None:
         self._files = {path.stem: path for path in made}
-        self._read: dict[str, xr.Dataset] = {}
+        self._read = cache(cube_file.read_cube)
         self.derived: dict[Any, Any] = {}  #: What was computed of them, by what was asked
-        self.without = frozenset(without)
-        self.forget()
-
-    def forget(self) -> None:
-        """Begin another piece."""
-        self.wanted = set[str]()
+        self.wanted = set[str]()  #: Those that a piece has asked for and that are missing
 
     def __getitem__(self, name: str) -> xr.Dataset:
         if name not in self._files:
             self.wanted.add(name)
             raise KeyError(name)
-
-        if name not in self._read:
-            self._read[name] = cube_file.read_cube(self._files[name])
-        return self._read[name]
+        return self._read(self._files[name])
 
     def __contains__(self, name: object) -> bool:
         return name in self._files

@@ -3,25 +3,22 @@
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from thesis_lib import files
-from thesis_lib.book.pieces import benchmarks as benchmark_tables, conclusions, findings, structures
+from thesis_lib.book.pieces import conclusions, findings, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.parametric import figures as shape_figures, sound
 
 
-def write_pieces(
-    made: Sequence[Path], folder: Path, without: Iterable[str] = (), names: Iterable[str] = ()
-) -> None:
+def write_pieces(made: Sequence[Path], folder: Path, names: Iterable[str] = ()) -> None:
     """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by their `names`.
 
-    Pieces that need the figure sets `without` a cube say that these are missing.
+    Pieces that need figure sets without a cube say that these are missing.
     """
-    opened = Opened(made, without)
+    opened = Opened(made)
     for name in names or PIECES:
-        opened.forget()
+        opened.wanted.clear()
         texts = []
         try:
             texts.append(PIECES[name](opened))
@@ -35,44 +32,27 @@ def write_pieces(
         files.whole_text(folder / f"{name}.md", "\n\n".join(filter(None, texts)))
 
 
-CUBE_PIECES: dict[str, tuple[Any, ...]] = {
-    **{
-        f"cameras-{name}": ("cameras", name)
-        for name in ("flow", "formats", "sensors", "lens", "pixels", "colours", "horizons")
-    },
-    **{f"cameras-{name}": ("cameras", name, True) for name in ("projections", "focus", "stereo")},
-    **{
-        f"design-{name}": ("design-law", name)
-        for name in ("settings", "findings", "pairs", "estimators", "mistakes", "refined", "dither")
-    },
-    "design-shares": ("design-law", "few-shares"),
-    "design-noisy": ("design-law", "few-noisy"),
-    **{
-        f"planner-{name}": ("planner", name)
-        for name in ("thesis", "limits", "front", "targets", "verification", "sound")
-    },
-    "lab-elevation-results": ("lab-elevation", "optima"),
-    "lab-layout-results": ("lab-layout", "results"),
-    "lab-equal-pixels-results": ("lab-equal-pixels", "results"),
-    "lab-modes-results": ("lab-modes", "results"),
-    "lab-plate-results": ("lab-plate", "results"),
-    "lab-radiation-results": ("lab-radiation", "results"),
-    "lab-radiation-sentences": ("lab-radiation", "sentences"),
-    "lab-radiation-tap": ("lab-radiation", "tap"),
-    "sound-turn": ("sound-aperture", "turn-summary"),
-}
-"""By piece: the figure set, its template, and what it is given."""
+FIRST_AND_LAST = ("projections", "focus", "stereo")  # a chapter shows these distances of them
+CUBE_TEXTS: dict[str, tuple[str, ...]] = {
+    "cameras": (
+        "flow", "formats", "sensors", "lens", "pixels", "colours", "horizons", *FIRST_AND_LAST,
+    ),
+    "design-law": (
+        "settings", "findings", "pairs", "estimators", "mistakes", "refined", "dither",
+        "few-shares", "few-noisy",
+    ),
+    "planner": ("thesis", "limits", "front", "targets", "verification", "sound"),
+    "lab-elevation": ("optima",),
+    **dict.fromkeys(("lab-layout", "lab-equal-pixels", "lab-modes", "lab-plate"), ("results",)),
+    "lab-radiation": ("results", "sentences", "tap"),
+    "sound-aperture": ("turn-summary",),
+}  # fmt: skip
+"""By figure set: the texts of its own that chapters show, as ``SET-TEXT.md``."""
 
 
-def _fill_piece(of: tuple[Any, ...], opened: Cubes) -> str:
-    """Fill in a piece from the cube of one figure set."""
-    figure_set, template, *which = of
-    return display.fill_text(opened[figure_set], template, *which)
-
-
-def _fill_benchmark(name: str, _: Cubes) -> str:
-    """Tabulate what the published run of the benchmarks measured."""
-    return benchmark_tables.PIECES[name]()
+def _fill_piece(figure_set: str, text: str, opened: Cubes) -> str:
+    """Fill in a text of a figure set from its cube."""
+    return display.fill_text(opened[figure_set], text, *[True] * (text in FIRST_AND_LAST))
 
 
 OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conclusions-wishes")
@@ -82,8 +62,11 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_figures.PIECES,
     **findings.PIECES,
     **structures.PIECES,
-    **{name: partial(_fill_piece, of) for name, of in CUBE_PIECES.items()},
+    **{
+        f"{of}-{text}": partial(_fill_piece, of, text)
+        for of, texts in CUBE_TEXTS.items()
+        for text in texts
+    },
     "sound-sum": sound.compare_sums,
     **conclusions.PIECES,
-    **{name: partial(_fill_benchmark, name) for name in benchmark_tables.PIECES},
 }
