@@ -8,7 +8,6 @@ stands next to it, and small tables are in the page itself.
 import base64
 import json
 import re
-from itertools import chain
 from typing import Any
 from urllib.parse import quote
 
@@ -102,30 +101,20 @@ def add_provenance(
         text = base64.b64encode(plotted.as_csv(table).encode()).decode()
         return f"data:text/csv;charset=utf-8;base64,{text}"
 
-    def line_under(address: str = "", file: str = "", case: str = "", mode: int = 0) -> str:
-        values = {"address": address, "file": file, "case": case, "mode": mode}
-        return render_html("runs/templates/under_figure.html.j2", anchor=anchor, **values).strip()
-
     cells = []
     for cell in notebook.cells:
         cells.append(cell)
-        outputs = cell.get("outputs", [])
-        stated = chain.from_iterable(one.get("metadata", {}).values() for one in outputs)
-        shown = [
-            which
-            for said in stated
-            if isinstance(said, dict) and {"case", "mode"} <= set(said)
-            if (which := (str(said["case"]), int(said["mode"]))) in files
-        ]
-        lines = []
-        for which in shown:
-            file = f"{files[which]}.csv"
-            address = link(plotted.figure_table(cube, errors, *which), f"{name}/{file}")
-            lines.append(line_under(address, file, *which))
-        if not shown and "figure" in cell.metadata.get("mystnb", {}) and outputs:
-            lines = [line_under()]
-        if lines:
-            cells.append(nbformat.v4.new_markdown_cell("\n".join(lines), id=f"{cell.id}-data"))
+        for about in filter(None, map(_read_figure_words, cell.get("outputs", []))):
+            which = about.get("case", ""), about.get("mode", 0)
+            file = address = ""
+            if which in files:
+                file = f"{files[which]}.csv"
+                address = link(plotted.figure_table(cube, errors, *which), f"{name}/{file}")
+            elif not about["caption"]:
+                continue
+            values = {"address": address, "file": file, "case": which[0], "mode": which[1]}
+            line = render_html("runs/templates/under_figure.html.j2", anchor=anchor, **values)
+            cells.append(nbformat.v4.new_markdown_cell(line.strip(), id=f"{cell.id}-data"))
     given = changed_parameters(study).items()
     block = render_html(
         "runs/templates/provenance.html.j2",
