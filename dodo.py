@@ -171,14 +171,16 @@ def task_piece() -> Iterator[dict[str, Any]]:
 
 def task_figures() -> Iterator[dict[str, Any]]:
     """Draw the figures of chapters, and write the numbers of each cube to download."""
-    for name in (*STUDIES, "facts"):
-        drawn = [one for one in illustrations.FIGURE_NAMES if illustrations.cube_of(one) == name]
+    for name in (*STUDIES, illustrations.FACTS):
+        drawn = [one for one, (of, _) in illustrations.FIGURES.items() if of == name]
 
         def act(name: str = name, drawn: list[str] = drawn) -> None:
             illustrations.write_illustrations(build.list_cubes([name]), EXECUTED_FOLDER, drawn)
             rendering.write_tables(build.TABLES_FOLDER, build.list_cubes([name]))
 
-        of = list_code("planning", "vision") if name == "facts" else [result_files(name)[0]]
+        of = [result_files(name)[0]]
+        if name == illustrations.FACTS:
+            of = list_code("planning", "vision")
         needs = [*of, *list_code("book/pieces", "facts", "figure_sets", "plotting")]
         yield make_task(
             f"figures and numbers of {name}", act, needs, [EXECUTED_FOLDER / one for one in drawn]

@@ -23,7 +23,7 @@ def test_every_figure_stands_in_a_chapter_and_the_other_way_round():
     pages = "".join((book / f"{name}.md").read_text("utf-8") for name in CHAPTERS)
     shown = re.findall(r"\{figure\} executed/([\w.-]+)", pages)
     assert len(shown) == len(set(shown))
-    assert set(shown) - {*SAMPLE_FILES} == set(illustrations.FIGURE_NAMES)
+    assert set(shown) - {*SAMPLE_FILES} == set(illustrations.FIGURES)
 
 
 @pytest.mark.parametrize("of", ["distance", "aperture", "resolution", "arrays"])

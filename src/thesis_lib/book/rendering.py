@@ -48,15 +48,12 @@ def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
     """Write the numbers of cubes, and of their figures in a folder of each, as CSV files."""
     for path in cubes:
         cube = cube_file.read_cube(path)
-        errors = plotted.errors_table(cube)
-        whole_text(folder / f"{path.stem}.csv", plotted.as_csv(errors))
-        with staging(folder) as work:
-            new = work / path.stem
-            for (case, mode), name in plotted.figure_names(cube).items():
-                table = plotted.figure_table(cube, errors, case, mode)
-                whole_text(new / f"{name}.csv", plotted.as_csv(table))
-            if new.is_dir():
-                replace_folder(new, folder / path.stem)
+        tables = {path.stem: (errors := plotted.errors_table(cube))}
+        for (case, mode), name in plotted.figure_names(cube).items():
+            tables[f"{path.stem}/{name}"] = plotted.figure_table(cube, errors, case, mode)
+        shutil.rmtree(folder / path.stem, ignore_errors=True)  # of cases that are no more
+        for name, table in tables.items():
+            whole_text(folder / f"{name}.csv", plotted.as_csv(table))
 
 
 def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> None:

@@ -147,28 +147,6 @@ def _draw_own(cube: xr.Dataset, name: str, which: tuple[int, ...] = ()) -> Figur
     return drawing
 
 
-Draw = Callable[[xr.Dataset], Figure]
-OF_CUBES: dict[str, tuple[str, Draw]] = {
-    **{
-        f"{body}-{what}.svg": (f"{body}-{what}", partial(draw_varied, what))
-        for body in ("beam", "plate")
-        for what in VARIED
-    },
-    **{
-        f"cameras-{name}.svg": ("cameras", partial(_draw_own, name=name))
-        for name in ("view", "projection", "pixels", "mosaic")
-    },
-    "layouts-elevation.svg": ("lab-elevation", draw_elevations),
-    "layouts-far.svg": ("lab-layout", draw_distances),
-    "layouts-sets.svg": ("lab-layout", partial(display.draw_figure, case="subsets", mode=1)),
-    "equal-pixels.svg": ("lab-equal-pixels", partial(_draw_own, name="claim")),
-    "motions-ways.svg": ("lab-modes", draw_few_frames),
-    "motions-aliases.svg": ("lab-modes", partial(_draw_own, name="aliases", which=(2,))),
-    "motions-plate.svg": ("lab-plate", draw_plate_errors),
-}
-"""By file: the figure set whose cube is drawn, and what draws it."""
-
-
 def draw_response() -> Figure:
     """Draw the response of two points of the beam, and the shapes behind its peaks."""
     beam = setups.thesis_beam()
@@ -312,40 +290,48 @@ def _range_words(settings: list[setups.Setting]) -> str:
     return f"{' '.join(first if first[1:] != last[1:] else first[:1])} … {' '.join(last)}"
 
 
-FACT_FIGURES: dict[str, Callable[[], Figure]] = {
-    "beam-modes.svg": draw_beam_modes,
-    "plate-modes.svg": draw_plate_modes,
-    "introduction-point.svg": draw_response,
-    "introduction-rarer.svg": draw_deflections,
-    "introduction-rates.svg": draw_rates,
-    "motions-frames.svg": draw_alias,
-    "setup-cases.svg": draw_cases,
+FACTS = "facts"
+FIGURES: dict[str, tuple[str, Callable[..., Figure]]] = {
+    **{
+        f"{body}-{what}.svg": (f"{body}-{what}", partial(draw_varied, what))
+        for body in ("beam", "plate")
+        for what in VARIED
+    },
+    **{
+        f"cameras-{name}.svg": ("cameras", partial(_draw_own, name=name))
+        for name in ("view", "projection", "pixels", "mosaic")
+    },
+    "layouts-elevation.svg": ("lab-elevation", draw_elevations),
+    "layouts-far.svg": ("lab-layout", draw_distances),
+    "layouts-sets.svg": ("lab-layout", partial(display.draw_figure, case="subsets", mode=1)),
+    "equal-pixels.svg": ("lab-equal-pixels", partial(_draw_own, name="claim")),
+    "motions-ways.svg": ("lab-modes", draw_few_frames),
+    "motions-aliases.svg": ("lab-modes", partial(_draw_own, name="aliases", which=(2,))),
+    "motions-plate.svg": ("lab-plate", draw_plate_errors),
+    "beam-modes.svg": (FACTS, draw_beam_modes),
+    "plate-modes.svg": (FACTS, draw_plate_modes),
+    "introduction-point.svg": (FACTS, draw_response),
+    "introduction-rarer.svg": (FACTS, draw_deflections),
+    "introduction-rates.svg": (FACTS, draw_rates),
+    "motions-frames.svg": (FACTS, draw_alias),
+    "setup-cases.svg": (FACTS, draw_cases),
 }
-
-
-FIGURE_NAMES = (*OF_CUBES, *FACT_FIGURES)
-
-
-def cube_of(name: str) -> str:
-    """Return the figure set that a figure is drawn of, or that it is of facts."""
-    return OF_CUBES[name][0] if name in OF_CUBES else "facts"
+"""By file: the figure set whose cube is drawn, or that it is of facts, and what draws it."""
 
 
 def write_illustrations(
-    made: Sequence[Path], folder: Path, names: Iterable[str] = FIGURE_NAMES
+    made: Sequence[Path], folder: Path, names: Iterable[str] = tuple(FIGURES)
 ) -> None:
     """Write the figures `names` of the cubes `made` into `folder`; one without its cube says so."""
     cubes = {path.stem: path for path in made}
     for name in names:
-        of = cube_of(name)
-        if name in FACT_FIGURES:
-            with style.in_style():
-                text = style.figure_svg(FACT_FIGURES[name]())
-        elif of in cubes:
-            look = display.picture_style(of)
-            with style.in_style(look):
-                text = style.figure_svg(OF_CUBES[name][1](cube_file.read_cube(cubes[of])), look)
-        else:
+        of, draw = FIGURES[name]
+        if of not in (FACTS, *cubes):
             write_placeholder(folder / name, of)
             continue
+        drawn, look = [], None
+        if of in cubes:
+            drawn, look = [cube_file.read_cube(cubes[of])], display.picture_style(of)
+        with style.in_style(look):
+            text = style.figure_svg(draw(*drawn), look)
         files.whole_text(folder / name, text)
