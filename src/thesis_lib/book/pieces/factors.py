@@ -10,6 +10,7 @@ cube carries (for simulations the first-order law of rounding). An :class:`Effec
 curves of one group, and one figure shows all of them.
 """
 
+import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -20,6 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
+from pydantic import TypeAdapter
 
 from thesis_lib import files
 from thesis_lib.arrays import Array
@@ -45,6 +47,7 @@ class Factor:
     symbol: str  #: The quantity that the error is taken to be a power of
     better: int  #: 1 if more of it should measure better, else -1
     conclusion: str  #: What the thesis concludes, in a word or two
+    advice: str  #: What follows for those who place cameras
     parameter: str  #: How the ledger's names of a trend's parameter begin
     #: Title and ticks of its panel in the figure
     panel: str
@@ -54,58 +57,9 @@ class Factor:
     by_elevation: bool = False  #: Varied is the first camera's elevation φ: a power of cos φ
 
 
-def _list_sources(
-    study: str, other: tuple[str, str, str], rendered: str, cases: tuple[str, ...] = ()
-) -> tuple[Source, ...]:
-    """Return the measurements of a simulated study, of another, and of a case of rendered plates.
-
-    The other is given by its group, figure set and case.
-    """
-    group, figure_set, case = other
-    return (
-        ("beam", f"beam-{study}", cases, MEAN_ERRORS),
-        ("plate", f"plate-{study}", cases, MEAN_ERRORS),
-        ("sound", f"sound-{study}", cases, PLANE_ERRORS),
-        (group, figure_set, (case,), MEAN_ERRORS),
-        ("plate, rendered", "lab-plate", (rendered,), MEAN_ERRORS),
-        ("sound, rendered", "lab-plate", (rendered,), PLANE_ERRORS),
-    )
-
-
-FACTORS: dict[str, Factor] = {
-    "closer": Factor(
-        "distance, mm", "d", -1, "closer", "distance d",
-        "(a) distance, mm", (500, 750, 1000, 1500),
-        _list_sources("distance", ("beam, rendered", "lab-layout", "distance"), "distance"),
-    ),
-    "wider": Factor(
-        "aperture, °", "α", 1, "wider apart", "aperture alpha",
-        "(b) aperture, °", (20, 50, 150),
-        _list_sources(
-            "aperture", ("beam, rendered", "lab-layout", "aperture"), "aperture", ("2a", "2c")
-        ),
-    ),
-    "lower": Factor(
-        "elevation, °", "cos φ", -1, "lower", "elevation phi",
-        "(c) elevation, °", (5, 10, 20, 60),
-        _list_sources(
-            "aperture", ("beam, rendered", "lab-elevation", "three-rows"), "elevation", ("2b", "2d")
-        ),
-        by_elevation=True,
-    ),
-    "finer": Factor(
-        "width of the sensor, px", "W", 1, "finer pixels", "resolution",
-        "(d) width, px", (320, 640, 1920),
-        _list_sources(
-            "resolution", ("experiment", "experiment-resolution", "matched"), "resolution"
-        ),
-    ),
-    "more": Factor(
-        "number of cameras", "N", 1, "more cameras", "number of cameras",
-        "(e) cameras", (2, 4, 6, 12),
-        _list_sources("arrays", ("experiment", "experiment-cameras", "matched"), "cameras"),
-    ),
-}  # fmt: skip
+FACTORS = TypeAdapter(dict[str, Factor]).validate_python(
+    tomllib.loads(Path(__file__).with_name("factors.toml").read_text(encoding="utf-8"))
+)
 
 
 @dataclass(frozen=True)

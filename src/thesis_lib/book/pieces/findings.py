@@ -34,13 +34,6 @@ from thesis_lib.vision import cone_law, rounding
 
 BODY_CHAPTERS = {"beam": "ch3", "plate": "ch4"}
 FINDING_GROUPS = ("beam", "plate", "sound")
-ADVICE_TRENDS = {
-    "closer": "closer",
-    "wider": "farther apart",
-    "lower": "lower",
-    "finer": "finer pixels",
-    "more": "more cameras",
-}
 VERDICT_WORDS = {
     "agrees": "agree",
     "within scatter": "lie within the scatter of single runs",
@@ -287,10 +280,10 @@ def tabulate_advice(opened: Cubes) -> str:
     """Tabulate the five pieces of advice: what they bring, and whether they hold."""
     rows = [
         (
-            advice,
-            {e.group: (np.median(e.ratios), e) for e in estimate_effects(opened, FACTORS[name])},
+            factor.advice,
+            {e.group: (np.median(e.ratios), e) for e in estimate_effects(opened, factor)},
         )
-        for name, advice in ADVICE_TRENDS.items()
+        for factor in FACTORS.values()
     ]
     groups = [group for group in FINDING_GROUPS if any(group in by for _, by in rows)]
     return render(__file__, "conclusions-result", rows=rows, groups=groups)
@@ -306,17 +299,17 @@ def list_findings(opened: Cubes) -> str:
     left = {body: error_shares(opened, body) for body in BODY_CHAPTERS}
     parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
     advice = []
-    for name, words in ADVICE_TRENDS.items():
+    for name, factor in FACTORS.items():
         judged = {  # by the ledger, for each body
             body: next(
                 one
                 for one in entries
                 if one.id.startswith(f"{chapter}-concluding-")
-                and parameter[one.id].startswith(FACTORS[name].parameter)
+                and parameter[one.id].startswith(factor.parameter)
             )
             for body, chapter in BODY_CHAPTERS.items()
         }
-        advice.append((name, words, judged))
+        advice.append((name, factor.advice, judged))
     return render(
         __file__,
         "home-findings",
