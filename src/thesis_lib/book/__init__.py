@@ -1,1 +1,47 @@
-"""The book: its pieces, the steps that build it, its pages, and where they are published."""
+"""The book: how it is built, and whether a finished one is up to date.
+
+That is decided by the contents of its files, before much is imported. The tasks of
+``dodo.py`` know better what is stale, but to ask them takes some seconds.
+"""
+
+from pathlib import Path
+
+from thesis_lib.files import digest_of, folder_files, project_root, whole_text
+
+SOURCE_FOLDERS = (
+    "src/thesis_lib", "notebooks", "book", "data", "requirements", "dodo.py", "_config.yml",
+    "package.json", "package-lock.json", "build/conformance.xml",
+)  # fmt: skip
+OUTPUT_FOLDERS = ("book/executed", "data/results", "build/html", "build/assets")
+
+
+def source_digest() -> str:
+    """Return the digest of all that people write."""
+    outputs = [project_root() / place for place in OUTPUT_FOLDERS]
+    written = _list_files(SOURCE_FOLDERS)
+    return digest_of(path for path in written if not any(one in path.parents for one in outputs))
+
+
+def remember_state(sources: str) -> None:
+    """Keep the state of a book that has just been finished, made from sources of this digest."""
+    whole_text(_state_path(), _describe_state(sources))
+
+
+def is_up_to_date() -> bool:
+    """Return whether sources and book are as they were when the book was finished."""
+    record = _state_path()
+    if not record.is_file():
+        return False
+    return record.read_text(encoding="utf-8") == _describe_state(source_digest())
+
+
+def _state_path() -> Path:
+    return project_root() / "build" / ".book"
+
+
+def _describe_state(sources: str) -> str:
+    return f"{sources} {digest_of(_list_files(OUTPUT_FOLDERS))}\n"
+
+
+def _list_files(places: tuple[str, ...]) -> list[Path]:
+    return folder_files(project_root() / place for place in places)
