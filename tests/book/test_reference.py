@@ -48,7 +48,7 @@ def test_every_field_is_told_with_its_default(part):
     for name, field in model.model_fields.items():
         term = names[name].split(" · ")[1]
         assert term.startswith("required") == field.is_required()
-        assert field.description[1:] in listed[names[name]]
+        assert fields.describe_field(model, name)[1:] in listed[names[name]]
 
 
 def test_defaults_are_those_that_an_empty_manifest_gets():

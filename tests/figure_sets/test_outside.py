@@ -124,7 +124,7 @@ def rewrite(file, old, new):
 BROKEN = {
     "no figure_set.py": (lambda f: (f / "figure_set.py").unlink(), "figure_set.py is missing"),
     "default": (
-        lambda f: rewrite(f / "figure_set.py", "24.0,", "-24.0,"),
+        lambda f: rewrite(f / "figure_set.py", "= 24.0", "= -24.0"),
         "focal_length_mm: given -24.0"),
     "syntax": (lambda f: (f / "figure_set.py").write_text("def"), "SyntaxError"),
     "name taken": (lambda f: rewrite(f / "figure_set.py", '"footprint"', '"planner"'), "is taken"),

@@ -7,10 +7,14 @@ type whose bounds do not tell all has a ``title``. What depends on other fields 
 model, which refuses in words of its own.
 """
 
+import ast
 import difflib
+import inspect
 import json
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import groupby
+from functools import cache
+from itertools import groupby, pairwise
 from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
@@ -74,29 +78,40 @@ def suggest_name(name: str, names: Iterable[str]) -> str:
 
 
 class Fields(BaseModel):
-    """Values as they are typed, all of them known, unchangeable; checks are built when used.
-
-    A field's description is the string below it, or that of its type.
-    """
+    """Values as they are typed, all of them known, unchangeable; checks are built when used."""
 
     model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        allow_inf_nan=False,
-        validate_default=True,
-        defer_build=True,
-        use_attribute_docstrings=True,
+        extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True, defer_build=True
     )
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Join the lines of descriptions."""
-        for field in cls.model_fields.values():
-            field.description = field.description and " ".join(field.description.split())
 
     def refuse(self, field: str, why: str) -> None:
         """Refuse the value of a field that does not go with the others."""
         refuse_value(field, getattr(self, field), why)
+
+
+@cache
+def _written_meanings(model: type) -> dict[str, str]:
+    """Return the strings below fields in the source of a class, by field."""
+    try:
+        source = textwrap.dedent(inspect.getsource(model))
+    except (OSError, TypeError):  # it was made by a function
+        return {}
+    made: Any = ast.parse(source).body[0]
+    found = {}
+    for pair in pairwise(made.body):
+        match pair:
+            case ast.AnnAssign(target=ast.Name(id=field)), ast.Expr(ast.Constant(str(text))):
+                found[field] = " ".join(text.split())
+    return found
+
+
+def describe_field(model: type[BaseModel], field: str) -> str:
+    """Return a field's meaning: the string below it, else the description of its type.
+
+    It is looked up when somebody asks: pydantic's `use_attribute_docstrings` takes a second.
+    """
+    written = (_written_meanings(one).get(field) for one in model.__mro__)
+    return next(filter(None, written), model.model_fields[field].description or "")
 
 
 def describe_allowed(model: type[BaseModel], field: str) -> str:

@@ -152,11 +152,10 @@ def describe_parameters(model: type[Study]) -> list[dict[str, str]]:
             "default": json.dumps(defaults[name], ensure_ascii=False),
             "unit": fields.unit_of_field(name),
             "allowed": fields.describe_allowed(model, name),
-            "meaning": info.description or "",
+            "meaning": fields.describe_field(model, name),
         }
-        for name, info in sorted(
-            model.model_fields.items(),
-            key=lambda item: (item[0] in Study.model_fields, item[0] in SHARED_FIELDS),
+        for name in sorted(
+            model.model_fields, key=lambda name: (name in Study.model_fields, name in SHARED_FIELDS)
         )
     ]
 

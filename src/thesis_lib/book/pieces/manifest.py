@@ -25,7 +25,7 @@ from thesis_lib.measure.recordings.board import BoardSpec, MarkersSpec
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
 from thesis_lib.measure.report import build, figures, warnings
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.studies.fields import describe_allowed, unit_of_field
+from thesis_lib.studies.fields import describe_allowed, describe_field, unit_of_field
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision import cone_law
@@ -81,10 +81,10 @@ def list_fields(part: str) -> str:
         {
             "name": name,
             "default": _format_default(model, name),
-            "meaning": field.description,
+            "meaning": describe_field(model, name),
             "allowed": describe_allowed(model, name),
         }
-        for name, field in model.model_fields.items()
+        for name in model.model_fields
     ]
     return render(__file__, "record-fields", fields=fields)
 

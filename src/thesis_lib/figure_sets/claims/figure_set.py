@@ -2,7 +2,7 @@
 
 from typing import Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS
 from thesis_lib.figure_sets.figure_set import FigureSet
@@ -21,10 +21,10 @@ class Claims(Study):
     varied = "claim"
     varied_label = "claim"
 
-    trials: Shifts = Field(
-        200, description="random shifts of the pixel grids in the ledger's own runs"
-    )
-    seed: Seed = Field(0, description="seed of the ledger's own runs")
+    trials: Shifts = 200
+    """random shifts of the pixel grids in the ledger's own runs"""
+    seed: Seed = 0
+    """seed of the ledger's own runs"""
     readings: list[str] = [name for name in READINGS if name != ADOPTED_READING]
     """readings of what the thesis leaves open, to compare with the adopted one"""
 

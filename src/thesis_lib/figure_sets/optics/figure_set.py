@@ -72,9 +72,8 @@ class Cameras(Study):
     """distances between two parallel cameras"""
     disparity_error_px: fields.Positive = 0.1
     """error of a disparity that is not rounded"""
-    trials: fields.Shifts = Field(
-        200, description="random shifts of the pixel grids of the parallel pair"
-    )
+    trials: fields.Shifts = 200
+    """random shifts of the pixel grids of the parallel pair"""
 
     def settings(self) -> list[setups.Setting]:
         """Return one setting per distance: the camera that looks at the beam."""

@@ -71,9 +71,8 @@ class Planner(Study):
     """wanted error of the worst mode, for which the cheapest layout is sought"""
     step_deg: fields.Step = 10.0
     starts: fields.Starts = 2
-    trials: fields.Shifts = Field(
-        200, description="random shifts of the pixel grids in each simulation"
-    )
+    trials: fields.Shifts = 200
+    """random shifts of the pixel grids in each simulation"""
 
     @property
     def questions(self) -> dict[str, PlanRequest]:

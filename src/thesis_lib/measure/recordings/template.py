@@ -21,6 +21,7 @@ from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, find
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe_media, rate_of
 from thesis_lib.measure.recordings.validation import is_slowed
+from thesis_lib.studies.fields import describe_field
 from thesis_lib.text import has_hidden
 from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
 
@@ -234,7 +235,7 @@ def _fields(
 ) -> Iterator[str]:
     """Yield a line for each field, with its meaning; those that may be left out are left out."""
     space = " " * (indent + 2)
-    for name, info in type(part).model_fields.items():
+    for name in type(part).model_fields:
         value, place = getattr(part, name), f"{path}.{name}".lstrip(".")
         if place == "cameras":  # come last, one by one
             continue
@@ -247,7 +248,7 @@ def _fields(
             text = json.dumps(part.model_dump(mode="json")[name], ensure_ascii=False)
             if isinstance(value, float):  # YAML takes JSON's 5e-05 for text
                 text = yaml.safe_dump(value).splitlines()[0]
-            yield f"{space}{name}: {text}  # {check}{info.description}"
+            yield f"{space}{name}: {text}  # {check}{describe_field(type(part), name)}"
 
 
 #: Endings of videos, which must be readable
