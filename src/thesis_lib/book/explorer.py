@@ -19,7 +19,7 @@ from thesis_lib.notebook.show import form_data
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
 from thesis_lib.web.html import VIEWER_CSS, join_modules, read_asset, static_html
-from thesis_lib.web.viewer import FORM_CSS, form_esm
+from thesis_lib.web.viewer import FORM_CSS
 
 EXPLORER_MODES = (1, 2, 3)
 ERROR_NAMES = ("mean_error", "max_point_error")
@@ -141,7 +141,7 @@ def write_experiment(name: str) -> str:
 def rerun_form_html() -> str:
     """Write the form with every parameter of every figure set as a self-contained fragment."""
     state = {"form": form_data(), "page": True}
-    return static_html(form_esm("beam", "plate"), FORM_CSS, state, FORM_FALLBACK)
+    return static_html(join_modules("rerun", "beam", "plate"), FORM_CSS, state, FORM_FALLBACK)
 
 
 DEMO_PAGES: dict[str, Callable[[], str]] = {

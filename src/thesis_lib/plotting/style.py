@@ -10,6 +10,7 @@ import io
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -39,24 +40,7 @@ REFERENCE_COLOR = "#8a8a8a"
 HIGHLIGHT_COLOR = "#B22222"
 BLACK_COLOR = "#222222"
 INK_COLOR = "#444444"
-RC_STYLE: Any = {
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # no ticks are looked for above a panel, where none are
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "svg.fonttype": "none",  # words are text: found, copied, read, and in fewer bytes
-    "font.sans-serif": ["DejaVu Sans", "Verdana", "sans-serif"],  # of equal widths, and any
-    "svg.hashsalt": "thesis",  # the same figure gives the same bytes
-    "text.parse_math": False,  # a dollar in a reader's name is a dollar
-}
+STYLE_FILE = Path(__file__).with_name("figures.mplstyle")
 MATH_STYLE = {"text.parse_math": True}
 """For figures with powers of ten at their axes, and without a reader's words."""
 
@@ -85,11 +69,12 @@ def ordered_colors(count: int) -> list[str]:
 def in_style(changed: Any = None) -> Iterator[None]:
     """Draw or save a figure: alone, in our style, and nothing of it left behind.
 
-    Parameters of Matplotlib that differ from :data:`RC_STYLE` may be given as `changed`.
+    Parameters of Matplotlib that differ from :data:`STYLE_FILE` may be given as `changed`.
     """
     with _ONE_AT_A_TIME, matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update({**RC_STYLE, **(changed or {})})
+        matplotlib.rc_file(STYLE_FILE, use_default_template=False)
+        matplotlib.rcParams.update(changed or {})
         yield
 
 

@@ -12,11 +12,6 @@ _VIEWER_SCRIPT = html.join_modules("viewer", *html.VIEWER_KINDS)
 FORM_CSS = html.VIEWER_CSS + html.read_asset("rerun.css")
 
 
-def form_esm(*kinds: str) -> str:
-    """Return the front end of a form of parameters, with a viewer of structures below it."""
-    return html.join_modules("rerun", *kinds)
-
-
 class Viewer(anywidget.AnyWidget):
     """Linked panels for one study: the cameras, what they measured, and the error of each setting.
 
@@ -114,5 +109,7 @@ class Viewer(anywidget.AnyWidget):
         state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
         page = html.static_html(esm, html.VIEWER_CSS, state)
         if self.form and kind in html.VIEWER_KINDS:
-            page = html.static_html(form_esm(kind), FORM_CSS, {**state, "form": self.form})
+            page = html.static_html(
+                html.join_modules("rerun", kind), FORM_CSS, {**state, "form": self.form}
+            )
         return {**data, "text/plain": repr(self), "text/html": page}, metadata
