@@ -120,6 +120,7 @@ def test_settings_without_a_result_are_left_out_and_counted():
     np.testing.assert_allclose(one.exponents, 1)
 
 
+@pytest.mark.slow
 def test_a_missing_cube_is_named_and_the_rest_stands(small, tmp_path, monkeypatch):
     missing = "beam-distance"
     monkeypatch.setattr(pieces_write, "PIECES", conclusions.PIECES)
@@ -148,6 +149,7 @@ def small(tmp_path_factory):
     return made
 
 
+@pytest.mark.slow
 def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_path):
     opened = {name: cube_file.read_cube(path) for name, path in small.items()}
     lines = factors.draw_summary(opened).axes[0].lines

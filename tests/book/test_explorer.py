@@ -85,6 +85,7 @@ def with_physics(opened, script, given=None):
     )
 
 
+@pytest.mark.slow
 def test_draws_are_measurements(chromium, path):
     """A draw begins where the markers are: the same as from a linear start; ties are Python's."""
     noise = np.array([0, 1e-12, -1e-12, 9e-10, -9e-10, 1.1e-9, -1.1e-9, 0.2, -0.2])

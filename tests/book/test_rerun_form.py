@@ -220,6 +220,7 @@ def test_a_number_of_cameras_is_answered_by_how_to_say_it():
         assert validate_request(ARRAYS, layouts).request["layouts"] == layouts["layouts"]
 
 
+@pytest.mark.slow
 def test_the_address_keeps_the_form(chromium, path):
     query = (
         "set=beam-arrays&other=1&focal_length_mm=35&cases=%5B%224a%22%2C%224e%22%5D&rest=%3Cb%3E"

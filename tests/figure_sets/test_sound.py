@@ -46,6 +46,7 @@ def default_cubes(study):
 # What the cube takes from the plate's.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study", ["distance", "arrays"])
 def test_settings_and_deflections_are_the_plates(study):
     request, plate, cube = both(study)

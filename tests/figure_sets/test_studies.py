@@ -182,6 +182,7 @@ def test_analytic_centre_takes_the_slabs_that_a_shifted_grid_leaves(conforms, kn
         conforms.independent(measured[0, trial], centre.points[2, 1] - rest, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", ["rebuilt", "known"])
 def test_noise_is_simulated_and_predicted_for_least_squares(conforms, rest):
     cube = cube_of("beam-aperture", trials=400, noise_px=0.2, rest=rest)

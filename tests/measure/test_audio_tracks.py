@@ -24,6 +24,7 @@ def place_of_click(path):
 # Pace and gaps.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pace", [-2e-4, 1e-2])
 def test_a_pace_of_the_time_stamps_is_no_gap(conforms, tmp_path, pace):
     path = write_film(tmp_path / "a.mp4", [LONG], LOW, frames=2, frame_rate=1,

@@ -139,6 +139,7 @@ def test_another_board_with_marks_is_refused_by_what_is_seen(marked, change, wor
 # Images as cameras make them, and boards as people print them.
 
 
+@pytest.mark.slow
 def test_sharpened_images_give_the_same_corners(conforms, scenes, marked):
     def sharpened(image):
         soft = cv2.GaussianBlur(image.astype(float), (0, 0), 1.0)
@@ -182,6 +183,7 @@ def test_a_larger_board_than_expected_is_refused(scenes, tiles):
         find_corners(photograph(scenes[0][0]), Board(*tiles))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoiled", "words"),
     [

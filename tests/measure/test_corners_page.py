@@ -69,6 +69,7 @@ def test_what_is_clicked_is_accepted_by_the_manifest(chromium, manifest, width):
         assert np.abs(np.array(camera.corners_px) - CORNERS).max() <= max(1, SIZE[0] / width)
 
 
+@pytest.mark.slow
 def test_corners_are_corrected_by_keys_and_by_dragging(chromium, manifest):
     """Those of the manifest are there; those of the other camera are put by keys alone."""
     given = read_manifest(manifest, check_files=False)

@@ -257,6 +257,7 @@ def test_scattered_markers_have_triangles_but_none_across_a_gap():
 # Moving images.
 
 
+@pytest.mark.slow
 def test_the_shape_is_a_film_of_one_period(measured, tmp_path):
     _, data, _ = measured
     frames = animation.draw_period(data)

@@ -150,6 +150,7 @@ def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping()
     np.testing.assert_allclose(found["scale_deviation"], expected, rtol=0.06)
 
 
+@pytest.mark.slow
 def test_starts_that_are_off_are_found_beyond_a_period():
     truth = beam_modes()
     late = (0.0, 0.012, -0.003, 0.0)
@@ -185,6 +186,7 @@ def test_steady_tones_at_unlike_clocks():
     np.testing.assert_allclose(found["pace"], [0, 4e-5, 0, 0], atol=2e-6)
 
 
+@pytest.mark.slow
 def test_modes_that_are_not_asked_for_by_number_stand_out(decay):
     truth, _ = decay
     found, _ = identify_modes(tracks(RIG, truth, seconds=3), REST, Asked(BAND))

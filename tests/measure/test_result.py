@@ -299,6 +299,7 @@ def test_corners_that_run_the_wrong_way_round_are_refused(tmp_path):
         shape_result(manifest(), heard(), own)
 
 
+@pytest.mark.slow
 def test_a_zoom_since_the_board_was_filmed_is_told(tmp_path):
     def told(zoomed, by):
         own = recordings(tmp_path, noise=0.02)

@@ -79,6 +79,7 @@ def test_a_measurement_hears_the_same_starts_though_clocks_drift(conforms, video
     assert "camera B's clock is fast by +30." in told or "camera B's clock is fast by +29." in told
 
 
+@pytest.mark.slow
 def test_names_are_neither_formulas_nor_commands_of_the_screen(videos, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = ["=cmd|' -C calc'!A0.mkv", "-12:30:05\u202e\nA starts \x1b]0;title\x07.mkv"]

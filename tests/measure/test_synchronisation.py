@@ -144,6 +144,7 @@ def test_a_pure_tone_is_ambiguous_and_says_so(conforms):
         assert "Ambiguous by whole periods of 0.2353 s" in " ".join(found.describe("ABCD"))
 
 
+@pytest.mark.slow
 def test_a_faint_transient_is_ambiguous_rather_than_wrong(conforms):
     """Whatever is claimed to be certain is right, however little the tone is disturbed."""
     claimed = 0
@@ -233,6 +234,7 @@ def heard(seed, level_db, seconds=11, colour=0, moments=(6.0,)):
     return signals, starts - starts[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("level_db", "colour", "least"), [(-10, 0, 0), (10, 2, 3), (20, 0, 3)])
 def test_a_clap_in_independent_noise_is_found_or_refused(conforms, level_db, colour, least):
     """Starts are up to 5 s apart; at least so many of three recordings must be found."""

@@ -287,6 +287,7 @@ def hole_px(at):
     return pinhole.project_points(at, place)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("azimuth", "upside_down"), [(-10.0, False), (10.0, True), (190.0, False)])
 def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_down):
     at = camera(azimuth)
@@ -398,6 +399,7 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
 # The beam resampled on its plane.
 
 
+@pytest.mark.slow
 def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms):
     at, times = camera(45.0, k1=0.1), np.arange(3, 7) / 60
     view = found_view(at, *filmed(at, [-1.0]))
@@ -471,6 +473,7 @@ def shaded(image):
     return (image * np.geomspace(1, 0.25, image.shape[1])).astype(np.uint8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", ["by rows", "shaded"])
 def test_the_beam_is_found_in_uneven_light(conforms, rest, light):
     at, image, _, exact = rest

@@ -88,6 +88,7 @@ def test_markers_stand_and_move_as_they_were_measured(show, plate):
             np.testing.assert_allclose(rise[:, 1], scale * true, atol=0.15)
 
 
+@pytest.mark.slow
 def test_it_turns_by_keys_and_by_dragging_and_follows_the_width(show):
     with show() as opened:
         canvas, first = opened.page.get_by_test_id("panel-a"), dots(opened)

@@ -32,6 +32,7 @@ def tips(opened):
     return np.array(opened.page.locator("[data-testid=layouts]").evaluate(TIPS))
 
 
+@pytest.mark.slow
 def test_every_option_shows_and_tells_where_its_cameras_are(chromium, planned):
     """Seen from above, distances in the image are those on the ground, in one scale for all."""
     with (
@@ -62,6 +63,7 @@ def test_every_option_shows_and_tells_where_its_cameras_are(chromium, planned):
         assert np.ptp(scales) < 0.01 * np.max(scales)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "dark"), [(1280, True), (390, False)])
 def test_page_is_for_everybody(chromium, planned, width, dark):
     """Nothing beyond the picture's box, nothing wrong for those who do not see it."""

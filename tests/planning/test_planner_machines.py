@@ -98,6 +98,7 @@ def test_layouts_do_not_hang_on_last_digits(digits, name, objective):
     assert same(layouts(SCENES[name], objective), expected)
 
 
+@pytest.mark.slow
 def test_markers_in_another_order_have_the_same_layouts():
     scene = SCENES["square"]
     order = np.random.default_rng(1).permutation(scene.body.points.shape[1])
@@ -105,6 +106,7 @@ def test_markers_in_another_order_have_the_same_layouts():
     assert same(layouts(replace(scene, body=replace(scene.body, **turned))), found("square"))
 
 
+@pytest.mark.slow
 @pytest.mark.few(2)
 @pytest.mark.parametrize("name", ODD)
 def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):

@@ -89,6 +89,7 @@ def pressures(request, wrong):
     return 100 * np.sqrt(np.mean(np.square(ratios), axis=(1, 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", [SQUARE, TURNED], ids=["square", "turned"])
 def test_predicted_errors_are_those_of_draws(conforms, request_, layout):
     scene, sounds = request_.scene(), request_.sounds

@@ -87,6 +87,7 @@ def test_downloads_of_a_page_of_its_own_are_in_it(cube, tmp_path):
 # Cubes and what they cost.
 
 
+@pytest.mark.slow
 def test_compact_cube_keeps_small_ones_exactly_and_large_ones_nearly(tmp_path, monkeypatch):
     """To thirteen bits what is drawn, others to 23; large fields to 2⁻¹² of their largest value.
 

@@ -127,6 +127,7 @@ def test_malformed_schedulers_are_refused(given, monkeypatch):
 # The command.
 
 
+@pytest.mark.slow
 def test_an_address_where_no_scheduler_answers_is_named(tmp_path, monkeypatch):
     """Whether something listens there or nothing does."""
     monkeypatch.setattr(workers, "MAX_WAIT_S", 2.0)

@@ -71,6 +71,7 @@ def test_panel_that_is_the_plate_has_its_frequencies_shapes_and_signs(conforms):
     conforms.closed_form(one.modal_density([1, 9]), PLATE.modal_density([1, 9]), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_clamped_square_has_the_eigenvalues_of_the_literature(conforms):
     # A. W. Leissa, Vibration of Plates (NASA SP-160, 1969): ω a² √(m/D) = 35.99, 73.41, 108.27
     mesh = polygons.mesh_outline(SQUARE, (), 0.1)

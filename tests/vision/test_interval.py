@@ -30,6 +30,7 @@ def on_grid(P, uv, sigma, about, spread, reach=5.0, number=61):
     return mean, (apart * mass) @ apart.T / mass.sum(), np.log(mass.sum() * cell)
 
 
+@pytest.mark.slow
 @pytest.mark.few(3)
 @pytest.mark.parametrize("n", [2, 3, 5])
 @pytest.mark.parametrize("sigma", [0.03, 0.1, 0.3])

@@ -141,6 +141,7 @@ def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_ro
 # Micrometres of an independent prototype: deflection of markers within 5 cm of the origin that move
 # by up to 10 mm, 320×180 px, 24 mm lens, rest rebuilt; rms over markers and over random layouts.
 # Four cameras depend much on the layout, of which the prototype had few.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n", "least_squares", "centre", "within"),
     [(4, 1083, 1030, 0.2), (12, 538, 400, 0.07), (64, 227, 87, 0.07)],

@@ -117,6 +117,7 @@ def test_noise_blurs_the_law_and_adds_its_own(conforms, noise):
         conforms.sampled(np.mean(error**2), law, rtol=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("known", "noise_px"), [(False, 0.05), (True, 0.3)])
 def test_covariance_with_noise_is_that_of_draws(conforms, known, noise_px):
     study = validate_request("beam-arrays", {"cases": ["4d"]})

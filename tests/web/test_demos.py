@@ -67,6 +67,7 @@ def test_a_marker_is_drawn_as_the_library_draws_it(show):
         assert said(opened) == "A motion of 2 px is measured without error on every grid."
 
 
+@pytest.mark.slow
 def test_two_cameras_have_the_law_of_the_library(show):
     angles = np.radians([[90, 40], [-90, 40]])
     cameras = hemisphere_cameras(0.5, *angles.T, 24 / 36 * 320, (320, 180))

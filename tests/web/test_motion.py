@@ -112,6 +112,7 @@ SEEN = """([angle, camera]) => {
   return [pixels, pixels.slice(0, n).every((u, i) => lit(u, pixels[n + i])), box.length]; }"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_image_is_the_librarys_in_whole_pixels(show, cubes, kind):
     cube = cubes[kind]

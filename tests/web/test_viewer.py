@@ -107,6 +107,7 @@ def words(viewer):
     return viewer.get_by_test_id("summary").inner_text()
 
 
+@pytest.mark.slow
 def test_choosing_with_keyboard_and_mouse(chromium, beams):
     with open_offline(chromium, beams, width=1100) as opened:
         first, second, hostile = viewers(opened)
@@ -296,6 +297,7 @@ def test_the_sound_of_a_plate_is_drawn_and_plays_when_asked_to(chromium, sounds)
         assert viewer.get_by_test_id("field-YZ-ideal").inner_text() == NODAL
 
 
+@pytest.mark.slow
 def test_one_live_viewer_takes_any_kind(chromium, beams):
     """The module of a live notebook has all kinds, and stops what it showed before."""
     script = """async ([esm, studies]) => {
