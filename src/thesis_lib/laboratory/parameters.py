@@ -17,7 +17,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Direction, Setting, assumed_values
 from thesis_lib.files import shipped
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study
@@ -32,7 +31,7 @@ MAX_VIEW_EXTENT = 0.98  # of half the image that the structure may reach
 MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's image is high
 
 CAMERA_NAMES = "ABCD"
-THESIS_RIG = setups.setup_table("experiment", "rig") | assumed_values("experiment")
+THESIS_RIG = setups.setup_table("experiment", "rig") | setups.assumed_values("experiment")
 
 
 def frame_size(width_px: int) -> tuple[int, int]:
@@ -40,7 +39,7 @@ def frame_size(width_px: int) -> tuple[int, int]:
     return width_px, round(width_px * 9 / 16)
 
 
-def facing_directions(azimuth_deg: float, elevation_deg: float) -> tuple[Direction, ...]:
+def facing_directions(azimuth_deg: float, elevation_deg: float) -> tuple[setups.Direction, ...]:
     """Return the azimuth and elevation of cameras A to D, two on each side of the beam."""
     a = azimuth_deg
     return tuple((azimuth, elevation_deg) for azimuth in (a, -a, 180 + a, 180 - a))
@@ -128,7 +127,7 @@ def view_extent(
     film: CameraParameters | RigRequest,
     extent: tuple[float, float],
     lift: float,
-    direction: Direction,
+    direction: setups.Direction,
     distance: float,
 ) -> float:
     """Return the reach of a structure's corners in a 16:9 image, over half its size.
@@ -184,7 +183,7 @@ def check_place(
     film: CameraParameters | RigRequest,
     extent: tuple[float, float],
     lift: float,
-    setting: Setting,
+    setting: setups.Setting,
     name: str,
     given: Any,
 ) -> None:
@@ -210,7 +209,7 @@ def check_markers(
     spacing: float,
     diameter: float,
     lift: float,
-    setting: Setting,
+    setting: setups.Setting,
     name: str,
     given: Any,
 ) -> None:
@@ -258,14 +257,14 @@ class RigRequest(fields.Fields):
             self.refuse("frequency_hz", f"allowed: at most {most}")
         check_exposure(self, self.frame_rate_hz)
         far, directions = self.distance_mm, tuple(self.directions_deg.values())
-        rig = Setting("", far, "", far, directions, (0, 0))
+        rig = setups.Setting("", far, "", far, directions, (0, 0))
         check_place(
             self, setups.thesis_beam().extent, self.amplitude_mm / 1000, rig, "distance_mm", far
         )
         return self
 
     @property
-    def directions_deg(self) -> dict[str, Direction]:
+    def directions_deg(self) -> dict[str, setups.Direction]:
         """Return the azimuth and elevation of each camera."""
         directions = facing_directions(self.azimuth_deg, self.elevation_deg)
         return dict(zip(CAMERA_NAMES, directions, strict=True))

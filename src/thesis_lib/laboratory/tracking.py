@@ -21,16 +21,10 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, Image, IntArray
+from thesis_lib.laboratory import rig as rigs
 from thesis_lib.laboratory.recording_files import render_board_images
 from thesis_lib.laboratory.render import BeamView
-from thesis_lib.laboratory.rig import (
-    REST_FRAMES,
-    WINDOW_MARGIN_PX,
-    Rig,
-    Station,
-    crop_camera,
-    replace_cameras,
-)
+from thesis_lib.laboratory.rig import Rig, Station
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.rig import calibrate_camera, unify_corners
@@ -125,14 +119,16 @@ def track_cameras(rig: Rig) -> list[TrackedCentres]:
 
 
 def record_tracks(
-    rigs: Sequence[Rig], frames: int, look: Callable[[Rig], list[TrackedCentres]] = track_cameras
+    every_rig: Sequence[Rig],
+    frames: int,
+    look: Callable[[Rig], list[TrackedCentres]] = track_cameras,
 ) -> xr.Dataset:
     """Track what the cameras of some rigs see at rest and in the last `frames` frames.
 
     Two rigs at a time; `look` renders a rig and tracks its markers. The dataset has ``tracks`` of
     :data:`TRACK_VARIABLES`, along ``rig``, too.
     """
-    every = map_in_pairs(look, rigs)
+    every = map_in_pairs(look, every_rig)
     tracks = [[own.centres[_stored_frames(own.times, frames)] for own in found] for found in every]
     return xr.Dataset(label_values({"tracks": tracks}, TRACK_VARIABLES, ["rig"]))
 
@@ -146,14 +142,14 @@ def read_tracks(tracks: Array, rig: Rig) -> list[TrackedCentres]:
     found = []
     for station, centres in zip(rig.stations, tracks, strict=True):
         times = frame_times(rig, station)
-        times = times[_stored_frames(times, len(centres) - REST_FRAMES)]
+        times = times[_stored_frames(times, len(centres) - rigs.REST_FRAMES)]
         found.append(TrackedCentres(times, centres, true_centres(rig, station, times)))
     return found
 
 
 def _stored_frames(times: Array, frames: int) -> IntArray:
     """Return the indices of the frames at rest and of the last `frames` frames."""
-    return np.r_[:REST_FRAMES, len(times) - frames : len(times)]
+    return np.r_[: rigs.REST_FRAMES, len(times) - frames : len(times)]
 
 
 def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> fits.Fitted:
@@ -195,7 +191,7 @@ def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int
     rolls = Rotation.from_euler("z", draw.uniform(-20, 20, (poses, 1)), degrees=True)
     sideways, up = draw.uniform(-0.08, 0.08, (poses, 2)), draw.uniform(-0.02, 0.06, (poses, 1))
     return replace(
-        replace_cameras(rig, cameras),
+        rigs.replace_cameras(rig, cameras),
         board=Board(*BOARD_TILES, TILE_SHARE * distance, TILE_SHARE * distance / 2),
         rotations=(Rotation.from_rotvec(tilts) * rolls).as_matrix(),
         translations=distance * np.concatenate([sideways, up], axis=1),
@@ -239,11 +235,11 @@ def crop_sensors(rig: Rig, cameras: Sequence[pinhole.Camera]) -> tuple[Rig, list
     parts, others = [], []
     for camera, other in zip(rig.cameras, cameras, strict=True):
         uv, most = pinhole.project_points(camera, box), np.array(camera.size)
-        low = np.clip(np.floor(uv.min(axis=1)).astype(int) - WINDOW_MARGIN_PX, 0, most - 1)
-        high = np.clip(np.ceil(uv.max(axis=1)).astype(int) + WINDOW_MARGIN_PX, low + 1, most)
-        parts.append(crop_camera(camera, low, high))
-        others.append(crop_camera(other, low, high))
-    return replace_cameras(rig, parts), others
+        low = np.clip(np.floor(uv.min(axis=1)).astype(int) - rigs.WINDOW_MARGIN_PX, 0, most - 1)
+        high = np.clip(np.ceil(uv.max(axis=1)).astype(int) + rigs.WINDOW_MARGIN_PX, low + 1, most)
+        parts.append(rigs.crop_camera(camera, low, high))
+        others.append(rigs.crop_camera(other, low, high))
+    return rigs.replace_cameras(rig, parts), others
 
 
 def mark_outline(

@@ -20,14 +20,7 @@ import xarray as xr
 from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
-from thesis_lib.studies import cubes, effort
-from thesis_lib.studies.request import (
-    ParameterError,
-    Study,
-    describe_parameters,
-    study_command,
-    whole_numbers,
-)
+from thesis_lib.studies import cubes, effort, request as requests
 
 WIDE_LAYOUT = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
 MAX_EXACT_INTEGER = 2**53  # largest whole number that a browser keeps
@@ -80,7 +73,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
     """
 
     def __init__(
-        self, request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None
+        self, request: requests.Study, keep: Callable[[xr.Dataset], object] = lambda _: None
     ) -> None:
         self.name, self.keep = request.name, keep
         self.inputs: dict[str, ipywidgets.ValueWidget] = {}  # a widget for each parameter
@@ -93,7 +86,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
         rows = [ipywidgets.HTML(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
         values, model = request.model_dump(mode="json"), type(request)
         schemas = model.model_json_schema()["properties"]
-        for row in describe_parameters(model):  # in the order of the tables
+        for row in requests.describe_parameters(model):  # in the order of the tables
             name = row["name"]
             if name == "cube":
                 continue
@@ -124,9 +117,9 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
         """Show the command of the values, or why they are refused."""
         words = refusal = ""
         try:
-            command = study_command(validate_request(self.name, self.values))
+            command = requests.study_command(validate_request(self.name, self.values))
             words = f"The same by command: <code>{html.escape(command)}</code>"
-        except ParameterError as error:
+        except requests.ParameterError as error:
             refusal = f'<span role="alert">{html.escape(str(error))}</span>'
         self.button.disabled = bool(refusal)
         self.message.value, self.command.value = refusal, words
@@ -186,5 +179,6 @@ def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidge
         )
     if kind == "number":
         return ipywidgets.FloatText(value=value)
-    text = value if isinstance(value, str) else json.dumps(whole_numbers(value), ensure_ascii=False)
-    return ipywidgets.Text(value=text, continuous_update=False)
+    if not isinstance(value, str):
+        value = json.dumps(requests.whole_numbers(value), ensure_ascii=False)
+    return ipywidgets.Text(value=value, continuous_update=False)

@@ -14,12 +14,7 @@ from thesis_lib.acoustics.radiation import FINER_PISTONS, Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.studies import fields
 from thesis_lib.text import RefusedError, listed, one_line
-from thesis_lib.vibration.structure import (
-    Plate,
-    Structure,
-    peak_deflection,
-    resonance_frequency,
-)
+from thesis_lib.vibration import structure as structures
 
 CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
@@ -60,7 +55,7 @@ class Study(fields.Fields):
         return []
 
     @property
-    def structure(self) -> Structure:
+    def structure(self) -> structures.Structure:
         """Return the structure that is measured."""
         return setups.thesis_beam()
 
@@ -102,11 +97,11 @@ AnyStudy = TypeVar("AnyStudy", bound=Study)
 
 
 def peaks_m(
-    structure: Structure, modes: Sequence[int], amplitude_mm: float | list[float] | str
+    structure: structures.Structure, modes: Sequence[int], amplitude_mm: float | list[float] | str
 ) -> list[float]:
     """Return largest deflection of each mode in m; ``force`` is what 1 N makes of it."""
     if isinstance(amplitude_mm, str):
-        return [peak_deflection(structure, mode) for mode in modes]
+        return [structures.peak_deflection(structure, mode) for mode in modes]
     if isinstance(amplitude_mm, list):
         return [peak / 1000 for peak in amplitude_mm]
     return [amplitude_mm / 1000] * len(modes)
@@ -221,7 +216,7 @@ class PlateMarkers(fields.Fields):
     grid: Grid
 
     @property
-    def structure(self) -> Structure:
+    def structure(self) -> structures.Structure:
         """Return the structure that is measured."""
         return setups.thesis_plate(self.grid)
 
@@ -260,11 +255,11 @@ class SoundPlanes(PlateMarkers):
         if self.plane_top_mm <= self.plane_bottom_mm:
             self.refuse("plane_top_mm", "allowed: a number above plane_bottom_mm, in mm")
         plate, highest = self.structure, max(self.modes)  # type: ignore[attr-defined]
-        assert isinstance(plate, Plate)
+        assert isinstance(plate, structures.Plate)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the page warns
-                omega = resonance_frequency(plate, highest)
+                omega = structures.resonance_frequency(plate, highest)
                 check_pistons(plate_pistons(plate), omega, self.medium)
         except ValueError as error:
             why = str(error).replace(FINER_PISTONS, "take lower modes or a finer grid")

@@ -46,12 +46,7 @@ from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_difference
 from thesis_lib.studies import cubes, storage, workers
 from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vibration.structure import (
-    Plate,
-    deflection_shape,
-    resonance_frequency,
-    world_points,
-)
+from thesis_lib.vibration import structure as structures
 from thesis_lib.vision import rounding, simulation
 
 TILTS_DEG = (0, 15, 30, 45)
@@ -171,12 +166,11 @@ def _structure_sources(structure: str) -> dict[str, Source]:
 def _askew(study: CameraStudy) -> list[verdicts.Series]:
     """Measure a plate's first mode, and a sum of modes without symmetry, by cameras of 4a."""
     plate, peak = study.structure, study.peaks_m[0]
-    plain = deflection_shape(plate, 1, plate.markers, peak)
-    askew = np.sum(
-        [deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW_MODES], axis=0
-    )
+    plain = structures.deflection_shape(plate, 1, plate.markers, peak)
+    every = [structures.deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW_MODES]
+    askew = np.sum(every, axis=0)
     shapes = np.stack([0 * plain, plain, askew * (np.abs(plain).max() / np.abs(askew).max())])
-    points = world_points(plate, shapes)
+    points = structures.world_points(plate, shapes)
     errors, settings = [], study.settings()
     for setting in settings:
         cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
@@ -284,10 +278,11 @@ def select_plane_errors(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
 
 
 @lru_cache(maxsize=12)
-def _sound(plate: Plate, planes: Any, medium: Medium, mode: int, peak: float) -> PlateSound:
+def _sound(plate: Any, planes: Any, medium: Medium, mode: int, peak: float) -> PlateSound:
     """Return the sound of a mode, which many interpretations share."""
-    shape = deflection_shape(plate, mode, plate.markers, peak)
-    return PlateSound.from_shape(plate, planes, medium, resonance_frequency(plate, mode), shape)
+    shape = structures.deflection_shape(plate, mode, plate.markers, peak)
+    omega = structures.resonance_frequency(plate, mode)
+    return PlateSound.from_shape(plate, planes, medium, omega, shape)
 
 
 def judge_interpretation(

@@ -11,7 +11,6 @@ from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.vibration.structure import Structure, deflection_shape, world_points
 from thesis_lib.vision import cone_law, rounding, triangulation
-from thesis_lib.vision.cone_law import MOTION_PX, pair_deflection_error, pair_noise_error
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, pixelate, project
 from thesis_lib.vision.simulation import fit_exponent, rms_with_std
 
@@ -66,7 +65,7 @@ def step_rig(
     opening, tilt = np.radians([aperture, elevation])
     azimuth = np.array([opening, -opening]) / 2
     pair = hemisphere_cameras(distance, azimuth, np.full(2, tilt), focal, size)
-    laws = pair_deflection_error, pair_noise_error
+    laws = cone_law.pair_deflection_error, cone_law.pair_noise_error
     rounding_error, noise = (float(law(distance, focal, opening, tilt)) for law in laws)
     return pair, rounding_error, noise
 
@@ -80,7 +79,7 @@ def mode_shapes(structure: Structure, peak: float) -> Array:
 def noise_error(cameras: CameraArray, points: Array) -> float:
     """Return the rms error in m of markers (3, m) by independent noise, 1/6 px² a coordinate."""
     g = triangulation.triangulation_gain(cameras.P, points)[2]
-    return float(MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
+    return float(cone_law.MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
 
 
 def predicted_rms(cameras: CameraArray, points: Array) -> float:
@@ -194,13 +193,13 @@ def pair_errors(study: DesignLaw) -> dict[str, ArrayLike]:
         images = project(P, moved)
         shift = random.uniform(-0.5, 0.5, (2, 2, 1, n))
         # Half of 1/6 px² in each of the two images.
-        noise = MOTION_PX / np.sqrt(2) * random.standard_normal(images.shape)
+        noise = cone_law.MOTION_PX / np.sqrt(2) * random.standard_normal(images.shape)
         rounded = pixelate(images + shift) - shift
         for found, seen in ((drawn, rounded), (drawn_noisy, images + noise)):
             height = triangulation.triangulate(P, seen)[2]
             found[:, *at] = rms_with_std(height[1] - height[0] - moved[2, 1])
-        closed[at] = pair_deflection_error(distance, focal, opening, tilt)
-        noisy[at] = pair_noise_error(distance, focal, opening, tilt)
+        closed[at] = cone_law.pair_deflection_error(distance, focal, opening, tilt)
+        noisy[at] = cone_law.pair_noise_error(distance, focal, opening, tilt)
     return {
         "pair_error": closed,
         "drawn_pair_error": drawn[0],

@@ -15,15 +15,7 @@ import xarray as xr
 from thesis_lib.arrays import Array, IntArray, stack_padded
 from thesis_lib.measure.calibration import rig
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
-from thesis_lib.measure.fitting import reconstruction as rc
-from thesis_lib.measure.fitting.harmonics import (
-    Fitted,
-    amplitude_std,
-    combine_fit,
-    deflection_amplitude,
-    fit_harmonics,
-    mean_of,
-)
+from thesis_lib.measure.fitting import harmonics as fits, reconstruction as rc
 from thesis_lib.measure.recordings.board import Board, Markers
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import check_files, clock_of, markers_of
@@ -171,7 +163,7 @@ INTERPOLATED_FRAMES = 6  # frames that are interpolated
 
 
 @dataclass(frozen=True)
-class Tracks(Fitted):
+class Tracks(fits.Fitted):
     """Tracks of the chosen cameras at one width, ready for triangulation."""
 
     uv: Array  #: Marker centres without distortion, px, shape (cameras, frames, 2, markers)
@@ -214,10 +206,10 @@ def select_tracks(
     steady = (times >= begin) & (times <= end)
     resting = own_times < float(data["rest"]) - 1 / rates.min()
     harmonics = [
-        fit_harmonics(omega, own[chosen], camera_uv[chosen], order)
+        fits.fit_harmonics(omega, own[chosen], camera_uv[chosen], order)
         for own, chosen, camera_uv in zip(times, steady, uv, strict=True)
     ]
-    still = np.array([mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
+    still = np.array([fits.mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
     rest, rest_frames = still, int(np.count_nonzero(resting[0]))
     if matched:
         matches = data["matches"].sel(width=width).values[index]
@@ -225,8 +217,8 @@ def select_tracks(
         rest, rest_frames = uv[:, 0], 1
         for i, own in enumerate(harmonics):
             off = uv[i] - own.at(omega, times[i])
-            harmonics[i] = replace(own, sigma=np.sqrt(mean_of(off[steady[i]] ** 2)))
-    fit = combine_fit(cameras, harmonics, rest, markers)
+            harmonics[i] = replace(own, sigma=np.sqrt(fits.mean_of(off[steady[i]] ** 2)))
+    fit = fits.combine_fit(cameras, harmonics, rest, markers)
     delays = data["delay"].values[index]
     whole = whole_frames(delays - delays[0], rates[0])
     return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, rest_frames)
@@ -278,8 +270,8 @@ def measure_deflection(
     """
     P, omega = tracks.P, instant.omega
     if method == "harmonic":
-        shape = rc.real_shape(deflection_amplitude(tracks, omega, exposures), instant.phase)
-        return shape, amplitude_std(tracks, omega, exposures)
+        shape = rc.real_shape(fits.deflection_amplitude(tracks, omega, exposures), instant.phase)
+        return shape, fits.amplitude_std(tracks, omega, exposures)
     if method in ("matched", "literal"):  # they take frames as they are
         uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
         noise_gain = 1.0
