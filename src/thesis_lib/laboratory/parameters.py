@@ -77,9 +77,10 @@ class RenderedStudy(Study):
     selection_only: ClassVar[frozenset[str]] = frozenset()
     estimation_only: ClassVar[frozenset[str]] = frozenset()
 
-    trials: fields.Runs = 200
+    trials: Annotated[fields.Whole, Field(ge=0, le=10_000)] = 200
     """further recordings of each setting, at most"""
-    seed: fields.NoiseSeed = 0
+    seed: fields.Seed = 0
+    """seed of all noise"""
 
     @property
     def recordings(self) -> RenderedStudy:
@@ -115,7 +116,9 @@ class RenderedStudy(Study):
 class Repeated(RenderedStudy):
     """A study with as many replicates as are stored, or as a request asks for."""
 
-    repeats: fields.Repeats = "kept"
+    repeats: Annotated[fields.Whole, Field(ge=1, le=1000)] | Literal["kept"] = "kept"
+    """recordings of every setting, the first included, or those that data/recordings holds of just
+    these; the bands are over the others"""
 
     def wanted_replicates(self, stored: int) -> int:
         """Return how many replicates are wanted where so many are stored."""

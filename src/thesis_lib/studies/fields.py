@@ -296,27 +296,8 @@ Trials = Annotated[
         ge=0, le=1_000_000, description="random shifts of the pixel grids beside the nominal run"
     ),
 ]
-Repeats = Annotated[
-    Annotated[Whole, Field(ge=1, le=1000)] | Literal["kept"],
-    Field(
-        description="recordings of every setting, the first included, or those that "
-        "data/recordings holds of just these; the bands are over the others"
-    ),
-]
 Shifts = Annotated[Whole, Field(ge=2, le=10_000, description="random shifts of the pixel grids")]
-Runs = Annotated[
-    Whole, Field(ge=0, le=10_000, description="further recordings of each setting, at most")
-]
-Seed = Annotated[
-    Whole,
-    Field(
-        ge=0,
-        lt=2**63,
-        title="a whole number from 0 to 2^63 - 1",
-        description="seed of the random shifts",
-    ),
-]
-NoiseSeed = Annotated[Seed, Field(description="seed of all noise")]
+Seed = Annotated[Whole, Field(ge=0, lt=2**63, title="a whole number from 0 to 2^63 - 1")]
 
 # Cameras.
 

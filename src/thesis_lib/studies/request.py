@@ -47,6 +47,7 @@ class Study(fields.Fields):
 
     trials: fields.Trials = 200
     seed: fields.Seed = 0
+    """seed of the random shifts"""
     cube: str = Field("", pattern=r"^$|\.nc$", title="a path that ends in .nc, or empty")
     """file to write the cube to, from the project's folder; empty writes nothing"""
 
