@@ -11,12 +11,13 @@ all that would be rounded to it; a fraction or a product, such as 1/60, for itse
 
 import csv
 import math
+import operator
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from decimal import Decimal
-from functools import cache, partial
-from typing import Annotated, Literal, TypeVar
+from functools import cache
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
@@ -38,13 +39,13 @@ SomeNames = Annotated[Names, Field(min_length=1)]
 SplitTexts = BeforeValidator(lambda text: text.split("; ") if text else [])
 
 
-def accept_if(allowed: Callable[[str], bool]) -> AfterValidator:
-    """Return the check that a text is allowed, by a function that tells."""
+def accept_if(allowed: Callable[[Any], bool]) -> AfterValidator:
+    """Return the check that a value is allowed, by a function that tells."""
 
-    def check(text: str) -> str:
-        if not allowed(text):
-            raise ValueError(text)
-        return text
+    def check(value: Any) -> Any:
+        if not allowed(value):
+            raise ValueError(value)
+        return value
 
     return AfterValidator(check)
 
@@ -318,8 +319,12 @@ class StatedNumber:
     #: As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``
     stated: Annotated[str, accept_if(_is_finite)]
     unit: str  #: Its unit, empty if it has none
-    #: Key of :data:`CORRECT_VALUES`
-    value_of: Annotated[str, accept_if(lambda name: name in CORRECT_VALUES)]
+    #: How it is computed: a key of :data:`CORRECT_VALUES`, and what that is given
+    value_of: Annotated[
+        tuple[Annotated[Number | Text, Field(union_mode="left_to_right")], ...],
+        BeforeValidator(lambda text: text.split()),
+        accept_if(lambda words: words[:1] and words[0] in CORRECT_VALUES),
+    ]
 
     @property
     def low(self) -> float:
@@ -334,12 +339,13 @@ class StatedNumber:
     @property
     def is_bookkeeping(self) -> bool:
         """Return whether the number only adds up or counts printed numbers."""
-        return self.value_of in ARITHMETIC_RESULTS or self.value_of in COUNTED_NUMBERS
+        return self.value_of[0] in BOOKKEEPING
 
     @property
     def value(self) -> float:
         """Compute the correct value, in its unit."""
-        return float(CORRECT_VALUES[self.value_of]())
+        name, *given = self.value_of
+        return float(CORRECT_VALUES[str(name)](*given))
 
 
 def read_numbers() -> list[StatedNumber]:
@@ -358,19 +364,19 @@ def _interval(text: str) -> tuple[float, float]:
     return float(number - half), float(number + half)
 
 
-def _angle_of_view(size: float, focal_length: float) -> float:
-    return math.degrees(angle_of_view(size, focal_length))
+def _angle_of_view(focal_length: float, *sides: float) -> float:
+    return math.degrees(angle_of_view(math.hypot(*sides), focal_length))
 
 
-def _axes_angle(one: Direction, other: Direction) -> float:
-    axes = hemisphere_directions(*np.radians([one, other]).T)
+def _axes_angle(*directions: float) -> float:
+    axes = hemisphere_directions(*np.radians(np.reshape(directions, (2, 2))).T)
     return math.degrees(math.acos(axes[0] @ axes[1]))
 
 
-def _equations(n_cameras: int) -> int:
+def _equations(n_cameras: float) -> int:
     """Return independent rows of eq. 3.18 that cameras with rounded images give for one point."""
     (pair,) = setups.distance_settings([500], 30, 25, (320, 180))
-    P = pair.cameras(24, 36).P[:n_cameras]
+    P = pair.cameras(24, 36).P[: int(n_cameras)]
     u, v = pixelate(project(P, [[0.1], [0.004], [0.003]]))[:, :, 0].T
     rows = np.cross(np.stack([u, v, u * 0 + 1], axis=1)[:, :, None], P, axis=1)
     return int(np.linalg.matrix_rank(rows.reshape(-1, 4)))
@@ -402,58 +408,45 @@ def _cameras(case: str) -> set[Direction]:
     }
 
 
-ARITHMETIC_RESULTS: dict[str, float] = {
-    "chapters": 6 + 1, "battery_voltage": 2 * 1.5, "sensor_cells": 4000 * 4000,
-    **{f"height_{w}_{a}_{b}": picture_height(w, a, b)
-       for w in (800, 1024, 1280, 1600) for a, b in ((4, 3), (36, 24))},
-    **{f"aperture_2a_{half}": half - -half for half in (8, 30, 55, 80)},
-    "film_diagonal": math.hypot(36, 24), "lens_of_view": 18 / math.tan(math.radians(39.6 / 2)),
-    "zero_column": 3, "apart_pair": 30 - -30, "caption_2c": 2 * abs(-90 + 8),
-    "rig_places": len({10, -10} | {10, -10}), "board_tiles": 5 * 7, "pictures": 12 * 4,
-    "least_pictures": math.ceil(5 / 2), "markers": 3 * 25, "grid": 3 * 25 + 1,
-    "frames_at_4": 60 / 4, "parameters": len(("distance", "aperture", "pixels", "cameras")),
-}  # fmt: skip
-COUNTED_NUMBERS = ("array_sizes", "last_figure", "cameras_4a", "pairs_4a", "cameras_4b", "pairs_4b",
-          "plate_markers")  # fmt: skip
-CORRECT_VALUES: dict[str, Callable[[], float]] = {
-    **{name: partial(float, value) for name, value in ARITHMETIC_RESULTS.items()},
-    "view_across": partial(_angle_of_view, 36, 50), "view_up": partial(_angle_of_view, 24, 50),
-    "view_diagonal_43": partial(_angle_of_view, 43, 50),
-    "view_diagonal": partial(_angle_of_view, math.hypot(36, 24), 50),
-    **{f"root_{n}": partial(lambda n: cantilever_roots(n)[-1], n) for n in range(1, 7)},
-    "sine_factor": _sine_factor, "mixed_term": _factor_of_mixed_term,
-    "instant": lambda: abs(math.cos(np.angle(_at_resonance()))),
-    "overlap_beam": lambda: math.log2(np.divide(*structures.modal_overlap(THESIS_BEAM, [2, 1]))),
-    "overlap_plate": lambda: math.log2(np.divide(*structures.modal_overlap(THESIS_PLATE, [2, 1]))),
-    "equations_1": partial(_equations, 1), "equations_2": partial(_equations, 2),
-    "last_figure": lambda: float(setups.figure_number("beam", "arrays", "4e", 3)),
-    **{f"aperture_2b_{p}": partial(_axes_angle, (90, p), (-90, p)) for p in (5, 20, 40, 60)},
-    "axes_pair": partial(_axes_angle, (30, 25), (-30, 25)),
-    "axes_2a_80": partial(_axes_angle, (80, 10), (-80, 10)),
-    "cameras_4a": lambda: len(_cameras("4a")), "pairs_4a": lambda: len(camera_pairs()["4a"]),
-    "cameras_4b": lambda: len(_cameras("4b")), "pairs_4b": lambda: len(camera_pairs()["4b"]),
-    "array_sizes": lambda: len(camera_pairs()["4a"]),  # one more with each pair
-    "shared_4a": lambda: len(_cameras("4a") & _cameras("4a'")),
-    "mirrored_4e": lambda: sum(
-        (one[0] + other[0]) % 180 == 0 for one, other in camera_pairs()["4e"]
-    ),
-    "array_width": lambda: setups.setup_table("beam", "arrays")["resolution_px"][0],
-    "beam_spacing": lambda: THESIS_BEAM.length / 25e-3, "beam_density": lambda: THESIS_BEAM.density,
-    "beam_modulus": lambda: THESIS_BEAM.youngs_modulus,
+STRUCTURES: dict[str, Any] = {"beam": THESIS_BEAM, "plate": THESIS_PLATE}
+BOOKKEEPING: dict[str, Callable[..., float]] = {  # what only adds up or counts printed numbers
+    "sum": operator.add,
+    "difference": operator.sub,
+    "product": operator.mul,
+    "quotient": operator.truediv,
+    "whole_quotient": lambda total, each: math.ceil(total / each),
+    "different": lambda *items: len(set(items)),
+    "diagonal": math.hypot,
+    "height": picture_height,
+    "lens": lambda width, angle: width / 2 / math.tan(math.radians(angle / 2)),
+    "cameras": lambda case: len(_cameras(case)),
+    "pairs": lambda case: len(camera_pairs()[case]),
+    "last_figure": lambda case: float(setups.figure_number("beam", "arrays", case, 3)),
     "plate_markers": lambda: len(THESIS_PLATE.markers.T),
-    "plate_spacing_x": lambda: THESIS_PLATE.length / 15e-3,
-    "plate_spacing_y": lambda: THESIS_PLATE.width / 10e-3,
-    **{f"rank_{a}_{b}": partial(
-        lambda m: THESIS_PLATE.mode_indices(50).tolist().index(m) + 1, [a, b]
-       ) for a, b in ((2, 1), (1, 2), (2, 2), (1, 4))},
+}
+CORRECT_VALUES: dict[str, Callable[..., float]] = {
+    **BOOKKEEPING,
+    "view": _angle_of_view,
+    "axes": _axes_angle,
+    "root": lambda n: cantilever_roots(n)[-1],
+    "sine_factor": _sine_factor,
+    "mixed_term": _factor_of_mixed_term,
+    "instant": lambda: abs(math.cos(np.angle(_at_resonance()))),
+    "overlap": lambda of: math.log2(np.divide(*structures.modal_overlap(STRUCTURES[of], [2, 1]))),
+    "equations": _equations,
+    "shared": lambda case, other: len(_cameras(case) & _cameras(other)),
+    "mirrored": lambda case: sum((a[0] + b[0]) % 180 == 0 for a, b in camera_pairs()[case]),
+    "array_width": lambda: setups.setup_table("beam", "arrays")["resolution_px"][0],
+    "spacing": lambda of, axis, count: STRUCTURES[of].extent["xy".index(axis)] / (count * 1e-3),
+    "beam": lambda name: getattr(THESIS_BEAM, name),
+    "rank": lambda *mode: THESIS_PLATE.mode_indices(50).tolist().index(list(mode)) + 1,
     "resonance": lambda: structures.resonance_frequency(THESIS_BEAM, 1) / (2 * math.pi),
     "tip": lambda: structures.peak_deflection(THESIS_BEAM, 1) * 1e3,
-    "rig_frequency": lambda: THESIS_RIG["frequency_hz"],
-    "rig_distance": lambda: THESIS_RIG["distance_mm"],
-    "rig_apart": lambda: 2 * THESIS_RIG["azimuth_deg"],
+    "rig": lambda name: THESIS_RIG[name],
+    "rig_aperture": lambda: 2 * THESIS_RIG["azimuth_deg"],
     "frame_period": lambda: 1 / THESIS_RIG["frame_rate_hz"],
-    "rig_axes": partial(_axes_angle, (10, 22), (-10, 22)),
     "frames_at_resonance": lambda: THESIS_RIG["frame_rate_hz"] / THESIS_RIG["frequency_hz"],
     "plane_columns": lambda: 99 * THESIS_PLATE.length / THESIS_PLATE.width,
     "wave_sign": lambda: -math.copysign(1, math.atan2(*outgoing_wave(1.0, np.array(0.1)))),
-}  # fmt: skip
+}
+"""How a number follows: from the library, or by a line of arithmetic, from what it is given."""
