@@ -13,6 +13,7 @@ import jinja2
 import numpy as np
 
 from thesis_lib.studies.cubes import band_text, percent_text
+from thesis_lib.web.html import build_environment, format_number
 
 
 def escape_markdown(text: str) -> str:
@@ -40,15 +41,9 @@ def render(module_file: str | Path, name: str, /, **values: Any) -> str:
 
 @cache
 def _environment(folder: Path) -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(folder),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters |= {
-        "number": format_number,
+    environment = build_environment(folder, keep_trailing_newline=True)
+    filters: dict[str, Any] = {
+        "number": lambda value, spec=".0f", missing="nan": format_number(value, spec, missing),
         "percent": lambda value: percent_text(float(value)),
         "band": lambda values: band_text(*map(float, values)),
         "mm": format_millimetres,
@@ -60,21 +55,9 @@ def _environment(folder: Path) -> jinja2.Environment:
         "words": join_words,
         "plain": lambda text: escape_markdown(str(text)),
     }
+    environment.filters |= filters
     environment.globals |= {"abs": abs, "len": len, "max": max, "min": min, "zip": zip}
     return environment
-
-
-def format_number(value: Any, spec: str = ".0f", missing: str = "nan") -> str:
-    """Format a number, or an array of one value, as Python's format specification says.
-
-    Examples
-    --------
-    >>> format_number(np.array(3.14159), "+.2f"), format_number(np.nan, ".2f", missing="—")
-    ('+3.14', '—')
-    """
-    if np.isnan(float(value)):
-        return missing
-    return format(int(value) if spec.endswith("d") else float(value), spec)
 
 
 def format_millimetres(metres: Any, digits: int = 0) -> str:

@@ -38,15 +38,16 @@ def render_lines(template: str, **values: object) -> list[str]:
     return [" ".join(one.split()) for one in re.split(r"\n\s*\n", text) if one.strip()]
 
 
+def build_environment(folder: Path, **options: Any) -> jinja2.Environment:
+    """Return an environment for templates in a folder; a value that is missing is an error."""
+    options |= {"loader": jinja2.FileSystemLoader(folder), "undefined": jinja2.StrictUndefined}
+    return jinja2.Environment(trim_blocks=True, lstrip_blocks=True, **options)
+
+
 @cache
 def _build_environment() -> jinja2.Environment:
-    made = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_TEMPLATE_ROOT),
-        autoescape=jinja2.select_autoescape(["html.j2"]),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    autoescape = jinja2.select_autoescape(["html.j2"])
+    made = build_environment(_TEMPLATE_ROOT, autoescape=autoescape)
     made.filters |= {
         "number": format_number,
         "frame": lambda frame: Markup(frame.to_html(index=False, border=0, na_rep="—")),
@@ -64,16 +65,16 @@ def _build_environment() -> jinja2.Environment:
     return made
 
 
-def format_number(value: Any, form: str, scale: float = 1.0) -> str:
-    """Return a number, times a scale, in a format; a dash for NaN.
+def format_number(value: Any, spec: str = ".0f", missing: str = "—", *, scale: float = 1.0) -> str:
+    """Format a number, or an array of one value, times a scale; `missing` stands for NaN.
 
     Examples
     --------
-    >>> format_number(0.00123, ".3g", 1e3), format_number(float("nan"), ".3g")
+    >>> format_number(np.array(0.00123), ".3g", scale=1e3), format_number(np.nan, ".2f")
     ('1.23', '—')
     """
     number = scale * float(value)
-    return "—" if np.isnan(number) else format(number, form)
+    return missing if np.isnan(number) else format(int(number) if spec == "d" else number, spec)
 
 
 def format_code(text: str) -> Markup:
