@@ -171,18 +171,6 @@ def _flat(errors: Array, one_run: bool) -> Mask:
     return largest <= ONE_RUN_FLAT * least if one_run else ~is_less(least, largest)
 
 
-def _falls_steadily(errors: Array) -> Mask:
-    return is_less(errors[-1], errors[0]) & (np.diff(errors, axis=0) < 0).all(axis=0)
-
-
-def _falls_irregularly(errors: Array) -> Mask:
-    return is_less(errors[-1], errors[0]) & is_less(errors[:-1], errors[1:]).any(axis=0)
-
-
-def _highest_last(errors: Array) -> Mask:
-    return np.asarray(np.argmax(errors, axis=0) == len(errors) - 1)
-
-
 def _trendless(errors: Array, one_run: bool) -> Mask:
     return ~(_down(errors) | _up(errors)) | _flat(errors, one_run)
 
@@ -219,17 +207,9 @@ def _within(evidence: Evidence, argument: str) -> Mask:
     return _all(found)
 
 
-def _no_trend(evidence: Evidence, _: str) -> Mask:
-    return _all(_trendless(errors, evidence.one_run) for errors in evidence.series)
-
-
 def _mostly_no_trend(evidence: Evidence, _: str) -> Mask:
     found = [_trendless(errors, evidence.one_run) for errors in evidence.series]
     return np.mean(found, axis=0) > 0.5
-
-
-def _same_pattern(evidence: Evidence, _: str) -> Mask:
-    return _each(_down)(evidence, "") | _each(_up)(evidence, "")
 
 
 def _same_trends(evidence: Evidence, _: str) -> Mask:
@@ -291,11 +271,6 @@ def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Mask:
     )
 
 
-def _best_mode(evidence: Evidence, argument: str) -> Mask:
-    """``best_mode 1``: its mean is below that of each other mode, and all errors fall."""
-    return _worst_mode(evidence, argument, -1) & _each(_down)(evidence, "")
-
-
 def _planes_alike(evidence: Evidence, argument: str) -> Mask:
     """Return both planes, or with ``planes_alike XZ 2 1`` a plane in two modes."""
     if argument:
@@ -336,11 +311,6 @@ def _below_case(evidence: Evidence, argument: str) -> Mask:
     return _all((a[own] < b[others]).all(axis=0) for a, b in evidence.pairs(other))
 
 
-def _gentler(evidence: Evidence, argument: str) -> Mask:
-    """``gentler 4a``: falls by a smaller factor than another case does."""
-    return _all(a[0] / a[-1] < b[0] / b[-1] for a, b in evidence.pairs(argument))
-
-
 def _best_case(evidence: Evidence, argument: str) -> Mask:
     """``best_case 2a``: of all cases, this one has the least mean."""
     holds = []
@@ -372,26 +342,38 @@ def _test_unrelated(evidence: Evidence, argument: str) -> Mask:
 TREND_TESTS: dict[str, Test] = {
     "falls": _each(_down),
     "rises": _each(_up),
-    "falls_steadily": _each(_falls_steadily),
-    "falls_irregularly": _each(_falls_irregularly),
+    "falls_steadily": _each(
+        lambda errors: is_less(errors[-1], errors[0]) & (np.diff(errors, axis=0) < 0).all(axis=0)
+    ),
+    "falls_irregularly": _each(
+        lambda errors: is_less(errors[-1], errors[0]) & is_less(errors[:-1], errors[1:]).any(axis=0)
+    ),
     "flat": _is_flat,
     "within": _within,
-    "no_trend": _no_trend,
+    "no_trend": lambda evidence, _: _all(
+        _trendless(errors, evidence.one_run) for errors in evidence.series
+    ),
     "mostly_no_trend": _mostly_no_trend,
-    "same_pattern": _same_pattern,
+    "same_pattern": lambda evidence, _: _each(_down)(evidence, "") | _each(_up)(evidence, ""),
     "same_trends": _same_trends,
     "below": _below,
     "at_most": _at_most,
     "above": _above,
     "peaks": _peaks,
-    "highest_last": _each(_highest_last),
+    "highest_last": _each(lambda errors: np.argmax(errors, axis=0) == len(errors) - 1),
     "modes_alike": _modes_alike,
     "worst_mode": _worst_mode,
-    "best_mode": _best_mode,
+    # ``best_mode 1``: its mean is below that of each other mode, and all errors fall
+    "best_mode": lambda evidence, mode: (
+        _worst_mode(evidence, mode, -1) & _each(_down)(evidence, "")
+    ),
     "planes_alike": _planes_alike,
     "like_case": _like_case,
     "below_case": _below_case,
-    "gentler": _gentler,
+    # ``gentler 4a``: falls by a smaller factor than another case does
+    "gentler": lambda evidence, other: _all(
+        a[0] / a[-1] < b[0] / b[-1] for a, b in evidence.pairs(other)
+    ),
     "best_case": _best_case,
     "unrelated": _test_unrelated,
 }
