@@ -51,31 +51,23 @@ def render_board_images(rig: Rig, index: int) -> Iterator[Image]:
         yield render_board(station.camera, rig.board, R, t, station.sensor, rng)
 
 
-def write_video(rig: Rig, index: int, folder: Path, codec: Codec = "ffv1") -> None:
-    """Write the video of one camera, with its sound: camera A's is ``A.mkv``."""
-    station = rig.stations[index]
-    video, sound = folder / f"{station.camera.name}.mkv", render_sound(rig, index)
-    frames = render_frames(rig, index)
-    media.write_video(video, frames, station.frame_rate, sound, SAMPLE_RATE_HZ, codec)
-
-
-def write_board_images(rig: Rig, index: int, folder: Path) -> None:
-    """Write the board images by one camera: camera A's are ``A/00.png`` and so on."""
-    for k, image in enumerate(render_board_images(rig, index)):
-        media.write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
-
-
 def write_recording(
     rig: Rig, folder: Path, codec: Codec = "ffv1", filmed: Rig | None = None
 ) -> Path:
     """Write videos and board images of all cameras, side by side; return the manifest's path.
 
-    The videos are those of the rig as `filmed`, whose cameras may read parts of their sensors.
+    Camera A's are ``A.mkv``, with its sound, and ``A/00.png`` and so on. The videos are those of
+    the rig as `filmed`, whose cameras may read parts of their sensors.
     """
 
     def write_camera(index: int) -> None:
-        write_video(filmed or rig, index, folder, codec)
-        write_board_images(rig, index, folder)
+        own = filmed or rig
+        station = own.stations[index]
+        video, frames = folder / f"{station.camera.name}.mkv", render_frames(own, index)
+        sound = render_sound(own, index)
+        media.write_video(video, frames, station.frame_rate, sound, SAMPLE_RATE_HZ, codec)
+        for k, image in enumerate(render_board_images(rig, index)):
+            media.write_png(video.with_suffix("") / f"{k:02d}.png", image)
 
     map_in_pairs(write_camera, range(len(rig.stations)))
     path = folder / "manifest.yaml"
