@@ -12,6 +12,7 @@ SOURCE_FOLDERS = (
     "src/thesis_lib", "notebooks", "book", "data", "requirements", "dodo.py", "_config.yml",
     "package.json", "package-lock.json", "build/conformance.xml",
 )  # fmt: skip
+STATE_FILE = "build/.book"
 OUTPUT_FOLDERS = ("book/executed", "data/results", "build/html", "build/assets")
 
 
@@ -24,19 +25,13 @@ def source_digest() -> str:
 
 def remember_state(sources: str) -> None:
     """Keep the state of a book that has just been finished, made from sources of this digest."""
-    whole_text(_state_path(), _describe_state(sources))
+    whole_text(project_root() / STATE_FILE, _describe_state(sources))
 
 
 def is_up_to_date() -> bool:
     """Return whether sources and book are as they were when the book was finished."""
-    record = _state_path()
-    if not record.is_file():
-        return False
-    return record.read_text(encoding="utf-8") == _describe_state(source_digest())
-
-
-def _state_path() -> Path:
-    return project_root() / "build" / ".book"
+    record = project_root() / STATE_FILE
+    return record.is_file() and record.read_text("utf-8") == _describe_state(source_digest())
 
 
 def _describe_state(sources: str) -> str:
