@@ -136,7 +136,6 @@ def default_rig(
     frame_rate: float = 60.0,
     components: tuple[Component, ...] = (Component(),),
     lens_k1: float = -0.08,
-    audio_noise_db: float = 20.0,
     seed: int = 0,
     markers: Markers | None = None,
 ) -> Rig:
@@ -166,8 +165,6 @@ def default_rig(
         The steady vibration.
     lens_k1 : float
         First coefficient of the lens distortion.
-    audio_noise_db : float
-        Power of the force over that of the noise on the audio tracks, dB.
     seed : int
         Seed of all noise and of the cameras' starts.
     markers : Markers, optional
@@ -194,14 +191,8 @@ def default_rig(
         markers = replace(cells, diameter=float(cells.nearest.min()) / 5)
     period = 1 / min(part.frequency for part in components)
     motion = Motion(structure, components, REST_S + MAX_START_S, 2 * period)
-    return Rig(
-        tuple(stations),
-        markers,
-        motion,
-        duration=motion.steady + max(1.0, 5 * period),
-        audio_noise_db=audio_noise_db,
-        seed=seed,
-    )
+    duration = motion.steady + max(1.0, 5 * period)
+    return Rig(tuple(stations), markers, motion, duration, seed=seed)
 
 
 # Rigs for fast vibrations: a few frames at rest and then, after half a period that no frame needs,

@@ -64,10 +64,6 @@ CONTENTS_PART = '  - caption: "Beyond the thesis"'
 NAME_PATTERN = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
-class NewSetError(RefusedError):
-    """A figure set that cannot be begun; the message is one line."""
-
-
 def write_set(name: str, title: str = "") -> list[Path]:
     """Begin a figure set, in the book if `name` is a name, elsewhere if it is a path.
 
@@ -78,21 +74,21 @@ def write_set(name: str, title: str = "") -> list[Path]:
 
     Raises
     ------
-    NewSetError
+    RefusedError
         If the name is not one, or something of that name is there.
     """
     place = Path(name)
     inside = place.name == name
     if not NAME_PATTERN.fullmatch(place.name):
         allowed = "small letters, digits and hyphens, as in beam-ends"
-        raise NewSetError(f"new-set: given {place.name}, allowed: {allowed}")
+        raise RefusedError(f"new-set: given {place.name}, allowed: {allowed}")
     folder = place
     if inside:
         folder = project_root() / "src/thesis_lib/figure_sets" / name.replace("-", "_")
     notebook = (project_root() / "notebooks" if inside else folder) / f"{place.name}.ipynb"
     taken = place.name in FIGURE_SETS or place.name in CHAPTER_SETS
     if taken or folder.exists() or notebook.exists():
-        raise NewSetError(f"new-set: {name} is there already, allowed: a new name")
+        raise RefusedError(f"new-set: {name} is there already, allowed: a new name")
     words = place.name.split("-")
     replaced = {
         TEMPLATE_TITLE: title or " ".join(words).capitalize(),
