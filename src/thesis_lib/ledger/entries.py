@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from thesis_lib import templates
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Claim, StatedNumber, Trend, read_numbers, read_reasons
 from thesis_lib.ledger import trends as ledger_trends, verdicts
@@ -281,7 +282,6 @@ def count_verdicts(found: Iterable[Entry]) -> dict[str, int]:
 
 EXCLUSION_LINK = "../errata.html#errata-a9"  # on stated numbers that exclude each other
 INTERPRETATIONS_LINK = "claims.html#other-readings"
-_DIFFERING_HEAD = "differs: place, what: stated → computed  ×computed over nearest stated; reason"
 NOT_FOUND = "No explanation was found."
 
 
@@ -338,32 +338,13 @@ KIND_WORDS = {"figure": "stated values", "trend": "trends", "number": "stray num
 
 def format_report(found: Sequence[Entry]) -> str:
     """Format the ledger as text: counts by chapter, then entries that differ or are undefined."""
-    lines = []
-    for chapter in THESIS_CHAPTERS:
-        of_chapter = [entry for entry in found if entry.chapter == chapter]
-        lines.append(f"chapter {chapter}")
-        for kind, words in KIND_WORDS.items():
-            part = [entry for entry in of_chapter if entry.kind == kind]
-            if part:
-                numbers = count_verdicts(part).items()
-                counts = ", ".join(f"{n} {verdict}" for verdict, n in numbers if n)
-                apart = sum(not entry.counted for entry in part)
-                why = "bookkeeping" if kind == "number" else "by rendered recordings"
-                mark = f"   ({apart} {why})" if apart else ""
-                words = words if len(part) > 1 else words[:-1]
-                lines.append(f"  {len(part):3} {words:13}  {counts}{mark}")
-    counted = [entry for entry in found if entry.counted]
-    counts = ", ".join(f"{n} {verdict}" for verdict, n in count_verdicts(counted).items())
-    lines.append(f"in all, without rendered recordings and bookkeeping: {counts}")
-    differing = [entry for entry in found if entry.verdict == "differs"]
-    lines += [f"\n{_DIFFERING_HEAD}"] if differing else []
-    for entry in differing:
-        ratio = f"  ×{entry.ratio:.2f}" if np.isfinite(entry.ratio) else ""
-        modes = f" mode {', '.join(map(str, entry.modes))}" if entry.modes else ""
-        case = f"case {entry.case}{modes}: " if entry.case else ""
-        what = f"{entry.what.rstrip('.')}: {entry.stated} → {entry.got}{ratio}"
-        lines.append(f"  {entry.place}, {case}{what}; {entry.note}")
-    reasons = Counter(entry.note for entry in found if entry.verdict == "undefined")
-    lines += ["\nundefined:"] if reasons else []
-    lines += [f"  {number:3} × {reason}" for reason, number in reasons.items()]
-    return "\n".join(lines)
+    text = templates.render(
+        __file__,
+        "report.txt.j2",
+        found=found,
+        chapters=THESIS_CHAPTERS,
+        kinds=KIND_WORDS,
+        count=count_verdicts,
+        undefined=Counter(entry.note for entry in found if entry.verdict == "undefined"),
+    )
+    return text.removesuffix("\n")
