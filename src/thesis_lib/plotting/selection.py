@@ -6,7 +6,7 @@ Tables are tidy, one number to a row. The interactive viewer takes its data as p
 import base64
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
@@ -68,16 +68,19 @@ def claimed_errors(
 
     A claim about all settings counts for each of them.
     """
-    claims = [
-        claim
-        for claim in claims_of(cube.attrs["figure_set"])
-        if (claim.case, claim.mode, claim.quantity) == (case, mode, quantity)
-    ]
-    claims.sort(key=lambda claim: not claim.values)  # first those about single settings
-    return [
-        next((claim for claim in claims if not claim.values or value in claim.values), None)
-        for value in cube["value"].values[cube["case"].values == case]
-    ]
+    values = cube["value"].values[cube["case"].values == case].tolist()
+    return _find_claims(cube, [(case, mode, quantity, value) for value in values])
+
+
+def _find_claims(cube: xr.Dataset, rows: Iterable[tuple[Any, ...]]) -> list[Claim | None]:
+    """Find the claim on each case, mode, error and varied value, or None."""
+    claims = claims_of(cube.attrs["figure_set"])
+    found = []
+    for *of, value in rows:
+        meant = [one for one in claims if [one.case, one.mode, one.quantity] == of]
+        meant.sort(key=lambda claim: not claim.values)  # first those about single settings
+        found.append(next((c for c in meant if not c.values or value in c.values), None))
+    return found
 
 
 @dataclass(frozen=True)
@@ -120,28 +123,19 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
     if "case" not in cube:
         return table
     table = table.rename(columns={"label": "setting", "low": "low_5", "high": "high_95"})
-    extra = [row for error in cubes.cube_errors(cube) for row in _by_setting(cube, error)]
-    return pd.concat([table, pd.DataFrame(extra)], axis=1)
-
-
-def _by_setting(cube: xr.Dataset, error: str) -> Iterator[dict[str, Any]]:
-    """Yield prediction and claimed values of an error by setting and mode."""
-    cases, modes = cube["case"].values, cube["mode"].values.tolist()
-    predicted = np.full((len(cases), len(modes)), np.nan)
-    said: Any = np.full(predicted.shape, None)
-    if error != "max_point_error" or f"predicted_{error}" in cube:
-        predicted = cubes.predicted_value(cube, error).transpose("setting", "mode").values
-    for case in dict.fromkeys(cases.tolist()):
-        for m, mode in enumerate(modes):
-            said[cases == case, m] = claimed_errors(cube, case, mode, error)
-    for s, m in np.ndindex(said.shape):
-        claim = said[s, m]
-        stated = (*claim.ends, claim.stated) if claim else (None, None, None)
-        yield {
-            "parameter": str(cube["parameter"].values[s]),
-            "predicted": float(predicted[s, m]),
-            **dict(zip(_CLAIMED_FIELDS, stated, strict=True)),
-        }
+    shape = cube.sizes["setting"], cube.sizes["mode"]
+    predicted = [
+        cubes.predicted_value(cube, error).transpose("setting", "mode").values
+        if error != "max_point_error" or f"predicted_{error}" in cube
+        else np.full(shape, np.nan)
+        for error in cubes.cube_errors(cube)
+    ]
+    keys = table[["case", "mode", "error", "value"]].itertuples(index=False)
+    claims = _find_claims(cube, keys)
+    stated = [(*claim.ends, claim.stated) if claim else (None,) * 3 for claim in claims]
+    names = np.tile(np.repeat(cube["parameter"].values.astype(str), shape[1]), len(predicted))
+    table = table.assign(parameter=names, predicted=np.ravel(predicted))
+    return table.join(pd.DataFrame(stated, columns=_CLAIMED_FIELDS))
 
 
 def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
@@ -156,39 +150,32 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
     """
     part = select_settings(cube, case, mode)
     whole = errors[(errors["case"] == case) & (errors["mode"] == mode)]
-    statistics = ("trial_0", "low_5", "median", "high_95", "predicted", *_CLAIMED_FIELDS[:2])
-    rows = []
-    for row in whole.to_dict("records"):
-        about = {"quantity": row["error"], "setting": row["setting"], "unit": "percent"}
-        kept = [name for name in statistics if not pd.isna(row[name])]
-        rows += [{**about, "statistic": name, "value": row[name]} for name in kept]
-    rows += [row for name in part.data_vars for row in _drawn_values(part, str(name))]
+    names = ["trial_0", "low_5", "median", "high_95", "predicted", *_CLAIMED_FIELDS[:2]]
+    drawn = whole.set_index(["error", "setting"])[names].astype(float).stack().dropna()
+    drawn = drawn.rename_axis(["quantity", "setting", "statistic"]).reset_index(name="value")
+    tables = [drawn.assign(unit="percent"), *(_drawn_values(part, str(n)) for n in part.data_vars)]
     columns = ["quantity", "statistic", "setting", "point", "x_mm", "y_mm", "value", "unit"]
-    table = pd.DataFrame(rows, columns=columns)
+    table = pd.concat([one for one in tables if len(one)]).reindex(columns=columns)
     return table.astype({"point": "Int64"})
 
 
-def _drawn_values(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
-    """Yield the values of one variable of a case and mode, if a figure shows them."""
+def _drawn_values(part: xr.Dataset, name: str) -> pd.DataFrame:
+    """Return the values of one variable of a case and mode, none if no figure shows them."""
     values = part[name].isel(trial=0, missing_dims="ignore")
     tabulated = {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
     if values.dtype.kind != "f" or name in tabulated or name.startswith("predicted_"):
-        return
+        return pd.DataFrame()
+    if values.dims == ("setting", "point"):
+        values = values.isel(setting=best_and_worst(part))
+    elif values.dims not in (("setting",), ("point",)):
+        return pd.DataFrame()
+    table = values.to_dataframe(name).reset_index()
+    table = table[np.isfinite(table[name])]
+    places = {f"{axis}_mm": 1000 * table[axis] for axis in "xy" if axis in table}
+    if "point" in table:
+        places["point"] = table["point"] + 1
     about = {"quantity": name, "unit": str(values.attrs.get("units", "1"))}
-    array, labels, shown = values.values, part["label"].values.astype(str), []
-    if values.dims == ("setting",):
-        known = np.isfinite(array)
-        for label, value in zip(labels[known], array[known], strict=True):
-            yield {**about, "setting": label, "value": value}
-    elif values.dims == ("point",):
-        shown = [("", array)]
-    elif values.dims == ("setting", "point"):
-        shown = [(labels[index], array[index]) for index in best_and_worst(part)]
-    places = {f"{a}_mm": part[a].values * 1000 for a in "xy" if a in part}
-    for label, own in shown:
-        for point in np.flatnonzero(np.isfinite(own)):
-            here = {axis: place[point] for axis, place in places.items()}
-            yield {**about, "setting": label, **here, "point": point + 1, "value": own[point]}
+    return table.assign(**about, **places, setting=table.get("label", ""), value=table[name])
 
 
 def as_csv(table: pd.DataFrame) -> str:
