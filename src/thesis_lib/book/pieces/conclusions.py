@@ -13,20 +13,14 @@ from scipy.stats import spearmanr
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces import factors
 from thesis_lib.book.pieces.opened import Cubes
-from thesis_lib.facts import setups
-from thesis_lib.facts.claims import read_trends
-from thesis_lib.facts.setups import Direction, Setting
+from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.design_law.sweeps import STRUCTURES, mode_shapes
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger.trends import MIN_MATERIAL_FALL
-from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
+from thesis_lib.ledger import entries as ledger, trends, verdicts
 from thesis_lib.plotting import selection
 from thesis_lib.templates import render
-from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION, pair_noise_error
-from thesis_lib.vision.pinhole import hemisphere_cameras
-from thesis_lib.vision.rounding import deflection_variance
+from thesis_lib.vision import cone_law, pinhole, rounding
 
 LEVEL_TRENDS = ("flat", "within", "no trend", "at most", "below")  # trends that state no change
 
@@ -40,17 +34,17 @@ def tabulate_factor(name: str, opened: Cubes) -> str:
     effects = []
     for one in factors.estimate_effects(opened, factor):
         numbers = one.opposite, one.unchanged, one.not_monotonic
-        against = zip(numbers, ("opposite", UNCHANGED, "not monotonic"), strict=True)
+        against = zip(numbers, ("opposite", verdicts.UNCHANGED, "not monotonic"), strict=True)
         texts = [f"{number} {word}" for number, word in against if number]
         effects.append({"effect": one, "predicted": np.median(one.predicted), "against": texts})
     pair: dict[float, float] = {}
     for curve in factors.read_curves(opened, factor) if name == "wider" else ():
         angles = np.radians(curve.values), np.radians(curve.elevation)
-        pair[curve.elevation] = factors.end_ratio(pair_noise_error(1, 1, *angles), 1)
+        pair[curve.elevation] = factors.end_ratio(cone_law.pair_noise_error(1, 1, *angles), 1)
     values = {
         "optimum": _find_optimum(opened) if name == "lower" else None,
         "pair": sorted(pair.items()),
-        "motion_percent": 100 * MAX_MOTION_FRACTION,
+        "motion_percent": 100 * cone_law.MAX_MOTION_FRACTION,
     }
     return render(__file__, "conclusions-factor", factor=factor, effects=effects, **values)
 
@@ -87,7 +81,7 @@ def tabulate_stated(opened: Cubes) -> str:
 def count_trends(opened: Cubes) -> str:
     """Count the trends that the thesis states of each factor, by the verdict of the ledger."""
     entries = _list_trends(opened)
-    parameter = {trend.id: trend.parameter for trend in read_trends()}
+    parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
     parts: dict[str, list[ledger.Entry]] = {one.conclusion: [] for one in factors.FACTORS.values()}
     parts["anything else"] = []
     for entry in entries:
@@ -99,7 +93,7 @@ def count_trends(opened: Cubes) -> str:
     return render(
         __file__,
         "conclusions-counted",
-        verdicts=list(VERDICTS),
+        verdicts=list(verdicts.VERDICTS),
         parts=[
             (name, len(part), list(ledger.count_verdicts(part).values()))
             for name, part in parts.items()
@@ -194,7 +188,7 @@ def tabulate_experiment(opened: Cubes) -> str:
                 f"not monotonic, best at {best}": effect.not_monotonic,
                 "yes": effect.confident,
                 "the opposite": effect.opposite,
-                UNCHANGED: effect.unchanged,
+                verdicts.UNCHANGED: effect.unchanged,
             }
             row = {
                 "conclusion": factors.FACTORS[factor].conclusion,
@@ -273,7 +267,7 @@ def equal_pixels() -> Iterator[EqualPixels]:
 
 
 def _predict_error(
-    setting: Setting, directions: Sequence[Direction], finer: float, points: Array
+    setting: setups.Setting, directions: Sequence[setups.Direction], finer: float, points: Array
 ) -> float:
     """Predict the rms over the modes of markers' errors (3, 1 + modes, m), in % of the largest.
 
@@ -284,8 +278,9 @@ def _predict_error(
     focal = reading["focal_length_mm"] / reading["sensor_width_mm"] * across
     width, height = (round(finer * side) for side in setting.resolution_px)
     azimuth, elevation = np.radians(directions).T
-    rig = hemisphere_cameras(setting.distance_mm / 1000, azimuth, elevation, focal, (width, height))
-    variance = deflection_variance(rig.P, points[:, :1], points[:, 1:])
+    radius = setting.distance_mm / 1000
+    rig = pinhole.hemisphere_cameras(radius, azimuth, elevation, focal, (width, height))
+    variance = rounding.deflection_variance(rig.P, points[:, :1], points[:, 1:])
     largest = np.max(np.abs(points[2, 1:]), axis=1)
     return float(100 * np.sqrt(np.mean(variance / largest[:, None] ** 2)))
 
@@ -294,9 +289,9 @@ def tabulate_equal_pixels(_: Cubes) -> str:
     """Tabulate arrays and pairs at equal pixels."""
     found = list(equal_pixels())
     summary = {
-        "worse": [one for one in found if one.ratio > 1 + MIN_MATERIAL_FALL],
-        "better": sum(one.ratio < 1 - MIN_MATERIAL_FALL for one in found),
-        "material": MIN_MATERIAL_FALL,
+        "worse": [one for one in found if one.ratio > 1 + trends.MIN_MATERIAL_FALL],
+        "better": sum(one.ratio < 1 - trends.MIN_MATERIAL_FALL for one in found),
+        "material": trends.MIN_MATERIAL_FALL,
         "median": np.median([one.ratio for one in found]),
     }
     return render(__file__, "conclusions-pixels", found=found, **summary)

@@ -28,10 +28,8 @@ from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts.claims import Trend
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.ledger.trends import Finding, judge_trend
-from thesis_lib.ledger.verdicts import UNCHANGED, Series
-from thesis_lib.plotting.selection import claimed_errors, list_cases, select_settings
-from thesis_lib.plotting.style import CYCLE_COLORS, figure_svg, in_style, make_logarithmic, subplots
+from thesis_lib.ledger import trends, verdicts
+from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes
 
 Source = tuple[str, str, tuple[str, ...], tuple[str, ...]]
@@ -84,12 +82,13 @@ class Curve:
         """Return the root mean square over the trials in %, shape (settings,)."""
         return np.asarray(np.sqrt(np.mean(self.errors**2, axis=1)))
 
-    def judge_trend(self, better: int) -> Finding:
+    def judge_trend(self, better: int) -> trends.Finding:
         """Test whether the error falls where it should, as the ledger tests trends."""
         test = "falls" if better > 0 else "rises"
         quantity, case, mode = self.quantity, self.case, self.mode
         trend = Trend("", 7, "7", (case,), (mode,), (quantity,), "", "", "", (), test)
-        found = judge_trend(trend, [Series(quantity, case, mode, self.values, self.errors)])
+        series = verdicts.Series(quantity, case, mode, self.values, self.errors)
+        found = trends.judge_trend(trend, [series])
         assert found is not None  # the trend is about this very series
         return found
 
@@ -101,8 +100,8 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
             continue
         cube = whole.drop_dims("point", errors="ignore")  # to select from, too
         modes = cube["mode"].values.tolist()
-        for case, mode, quantity in product(cases or list_cases(cube), modes, quantities):
-            part = select_settings(cube, case, mode)
+        for case, mode, quantity in product(cases or selection.list_cases(cube), modes, quantities):
+            part = selection.select_settings(cube, case, mode)
             elevations = part["camera_elevation"].isel(camera=0)
             values = (elevations if factor.by_elevation else part["value"]).values.astype(float)
             drawn = cubes.cube_error(part, quantity).transpose("setting", "trial")[:, 1:]
@@ -116,7 +115,7 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
                     (claim.low + claim.high) / 2
                     if claim and claim.values and None not in claim.ends
                     else float("nan")
-                    for claim in claimed_errors(cube, case, mode, quantity)
+                    for claim in selection.claimed_errors(cube, case, mode, quantity)
                 ]
             )
             predicted = cubes.predicted_value(part, quantity).values.astype(float)
@@ -210,7 +209,7 @@ def _estimate_effect(group: str, curves: list[Curve], factor: Factor) -> Effect:
         predicted=np.array([*map(fit_exponent, bases, predicted)]),
         confident=sum(f.verdict == "agrees" for f in findings),
         opposite=sum(f.verdict == "agrees" for f in against),
-        unchanged=sum(f.verdict == UNCHANGED for f in findings),
+        unchanged=sum(f.verdict == verdicts.UNCHANGED for f in findings),
         not_monotonic=sum(
             bool(f.step_back) and (f.effect < 1) == (factor.better > 0) for f in findings
         ),
@@ -234,9 +233,9 @@ def sound_trends(opened: Cubes, *factors: str) -> tuple[int, int]:
 
 
 FIGURE_FILE = "conclusions.svg"
-PANEL_GROUPS = dict(
-    zip(("beam", "plate", "sound", "experiment"), [*CYCLE_COLORS[:3], CYCLE_COLORS[4]], strict=True)
-)
+_SUBJECTS = ("beam", "plate", "sound", "experiment")
+_COLORS = (style.BLUE, style.ORANGE, style.GREEN, style.RED)
+PANEL_GROUPS = dict(zip(_SUBJECTS, _COLORS, strict=True))
 CLAIM_MARK: dict[str, Any] = {"marker": "D", "markersize": 4, "markerfacecolor": "none"}
 
 
@@ -247,8 +246,8 @@ def draw_summary(opened: Cubes) -> Figure:
     diamond is one figure that the thesis states.
     """
     thin: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
-    with in_style():
-        drawing, panels = subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
+    with style.in_style():
+        drawing, panels = style.subplots(1, 5, figsize=(9.6, 3.6), sharey=True)
         for axes, factor in zip(panels, FACTORS.values(), strict=True):
             by: dict[tuple[str, str], list[Curve]] = {}
             for curve in read_curves(opened, factor):
@@ -261,7 +260,7 @@ def draw_summary(opened: Cubes) -> Figure:
                 line = {"color": PANEL_GROUPS[subject], "linewidth": 1.2, "markersize": 4}
                 axes.plot(alike[0].values, mean, ".--" if rendered else ".-", **line)
             axes.set_title(factor.panel)
-            make_logarithmic(axes.xaxis, factor.ticks)
+            style.make_logarithmic(axes.xaxis, factor.ticks)
             if factor.better < 0:  # to the right is what should measure better
                 axes.invert_xaxis()
         panels[0].set(yscale="log", ylabel="rms error, %")
@@ -281,4 +280,4 @@ def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
     names = {name for factor in FACTORS.values() for _, name, _, _ in factor.sources}
     opened = {path.stem: cube_file.read_cube(path) for path in made if path.stem in names}
-    files.whole_text(folder / FIGURE_FILE, figure_svg(draw_summary(opened)))
+    files.whole_text(folder / FIGURE_FILE, style.figure_svg(draw_summary(opened)))

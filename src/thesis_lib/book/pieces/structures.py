@@ -13,22 +13,16 @@ from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.planning import errors
-from thesis_lib.planning.positions import places_at
-from thesis_lib.planning.report import plan_command, write_plan
-from thesis_lib.planning.request import PlanRequest
+from thesis_lib.planning import errors, positions, report, request
 from thesis_lib.studies import effort
 from thesis_lib.templates import render
 from thesis_lib.vibration import structure as structures
-from thesis_lib.vision import cone_law
-from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.rounding import deflection_variance, difference_variance
-from thesis_lib.vision.triangulation import triangulation_gain
+from thesis_lib.vision import cone_law, pinhole, rounding, triangulation
 
 GRAVITY = 9.80665
 EXAMPLE_MODES = (1, 2, 3)
 MARKER_GRIDS = ((12, 8), (15, 10), (24, 16), (36, 24))
-EXAMPLE_PLAN = PlanRequest(
+EXAMPLE_PLAN = request.PlanRequest(
     body="plate", plate_mm=(600, 400, 3), counts=[4], resolutions_px=[(1920, 1080)]
 )
 """The request that the planner's page makes, step by step."""
@@ -38,19 +32,20 @@ SMALL_MM = 0.2  # the largest deflection of many a reader's structure
 def show_plan(_: Cubes) -> str:
     """Show a plan: the command, what it prints, where cameras stand; and a small motion."""
     with TemporaryDirectory() as name:
-        printed = write_plan(EXAMPLE_PLAN, Path(name) / "plan")
+        printed = report.write_plan(EXAMPLE_PLAN, Path(name) / "plan")
         cameras = pd.read_csv(Path(name) / "plan" / "plan.csv")
     scene = EXAMPLE_PLAN.scene()  # but with a motion far below a pixel
     scene = replace(scene, peaks=(SMALL_MM / 1000,) * len(scene.peaks))
     grid = np.radians(cameras[["azimuth_deg", "elevation_deg"]].to_numpy(float))
-    layout = places_at(grid, cameras["distance_mm"].to_numpy(float) / 1000, scene.focals[0])
+    distances_m = cameras["distance_mm"].to_numpy(float) / 1000
+    layout = positions.places_at(grid, distances_m, scene.focals[0])
     point = errors.predict_errors(scene, layout, EXAMPLE_PLAN.resolutions_px[0][0])
     return render(
         __file__,
         "planner-example",
         sizes_mm=EXAMPLE_PLAN.plate_mm,
         amplitude_mm=EXAMPLE_PLAN.amplitude_mm,
-        command=plan_command(EXAMPLE_PLAN),
+        command=report.plan_command(EXAMPLE_PLAN),
         printed=printed,
         cameras=cameras[["camera", "azimuth_deg", "elevation_deg", "distance_mm"]],
         small_mm=SMALL_MM,
@@ -151,8 +146,9 @@ def describe_example(opened: Cubes) -> str:
     cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
     shape = structures.deflection_shape(structure, 1, structure.markers, study.peaks_m[0])
     rest, deflected = (structures.world_points(structure, w)[:, -1] for w in (0 * shape, shape))
-    moved = project(cameras.P, deflected) - project(cameras.P, rest)
-    variance, g = difference_variance(moved), 1e3 * triangulation_gain(cameras.P, deflected)[2]
+    moved = pinhole.project(cameras.P, deflected) - pinhole.project(cameras.P, rest)
+    variance = rounding.difference_variance(moved)
+    g = 1e3 * triangulation.triangulation_gain(cameras.P, deflected)[2]
     rows = [
         dict(camera=i + 1, axis=axis, moved=moved[i, j], variance=variance[i, j], gain=g[i, j])
         for i in range(len(moved))
@@ -168,7 +164,7 @@ def describe_example(opened: Cubes) -> str:
         figure_set=ROUNDING_SET,
         rows=rows,
         total=np.sum(g**2 * variance),
-        law_mm=1e3 * np.sqrt(deflection_variance(cameras.P, rest, deflected)),
+        law_mm=1e3 * np.sqrt(rounding.deflection_variance(cameras.P, rest, deflected)),
         trials=len(errors),
         rms_mm=np.sqrt(np.mean(errors**2)),
     )

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from thesis_lib.facts.claims import read_index
-from thesis_lib.facts.setups import list_assumptions
+from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import project_root
 from thesis_lib.templates import render
@@ -18,7 +17,7 @@ CHAPTER_FILES = {**{number: number for number in "123456"}, "appendices": "ABCDE
 def tabulate_chapter(name: str) -> str:
     """Tabulate the figures, tables and equations of a chapter of :data:`CHAPTER_FILES`."""
     kinds: dict[str, list[tuple[Any, ...]]] = {"figure": [], "table": [], "equation": []}
-    for entry in read_index():
+    for entry in claims.read_index():
         kind, number = entry.item.split()
         if number[0] in CHAPTER_FILES[name]:
             errata = [one.removeprefix("errata#errata-") for one in entry.errata]
@@ -57,7 +56,7 @@ def format_assumptions(piece: str) -> str:
             "compared": "readings" in item,
             "errata": item.get("errata", []),
         }
-        for item in list_assumptions()
+        for item in setups.list_assumptions()
         if piece == next(k for k, of in CHAPTER_SUBJECTS.items() if {*of} & {*item["subjects"]})
     ]
     return render(__file__, "assumptions", items=items)

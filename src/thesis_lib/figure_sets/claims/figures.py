@@ -16,7 +16,6 @@ from scipy.stats import binomtest
 from thesis_lib.facts.setups import READINGS
 from thesis_lib.figure_sets.claims.compute import format_command
 from thesis_lib.ledger import entries as ledger, trends, verdicts
-from thesis_lib.ledger.entries import Entry, from_cube
 from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.web.html import COLOURS_CSS, copy_plain, join_modules, read_asset, static_html
@@ -30,7 +29,7 @@ VERDICT_MARKS = {  # verdict: colour and shape, so that neither says it alone
 
 def chapter(cube: xr.Dataset, number: int) -> Figure:
     """Plot claimed against reproduced errors of a chapter, and their ratios."""
-    every = [e for e in from_cube(cube) if e.kind == "figure" and e.chapter == number]
+    every = [e for e in ledger.from_cube(cube) if e.kind == "figure" and e.chapter == number]
     part = [e for e in every if np.isfinite([e.least, e.most, e.median]).all()]
     bounds = sum(not np.isfinite([e.least, e.most]).all() for e in every)
     drawing, (left, right) = style.subplots(1, 2, figsize=(7.6, 3.6))
@@ -134,7 +133,7 @@ class LedgerTable(anywidget.AnyWidget):
 
 def count_totals(cube: xr.Dataset) -> dict[str, Any]:
     """Count verdicts by chapter and kind; rendered recordings and bookkeeping stand apart."""
-    found = from_cube(cube)
+    found = ledger.from_cube(cube)
     rows = []
     for chapter, kind, counted in product(ledger.THESIS_CHAPTERS, ledger.KIND_WORDS, (True, False)):
         part = [e for e in found if (e.chapter, e.kind, e.counted) == (chapter, kind, counted)]
@@ -178,7 +177,7 @@ RULES = {  # tolerances, which are equal for all claims
 
 def list_differing(cube: xr.Dataset) -> dict[str, Any]:
     """List the claims that differ by what they have in common; bookkeeping is folded away."""
-    found = [e for e in from_cube(cube) if e.verdict in ("differs", "undefined")]
+    found = [e for e in ledger.from_cube(cube) if e.verdict in ("differs", "undefined")]
     groups = {}
     for words, belongs in _ENTRY_GROUPS.items():
         groups[words] = [entry for entry in found if entry.counted and belongs(entry)]
@@ -192,11 +191,11 @@ def list_differing(cube: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _is_mean(entry: Entry) -> bool:
+def _is_mean(entry: ledger.Entry) -> bool:
     return entry.kind == "figure" and entry.what.startswith("mean")
 
 
-_ENTRY_GROUPS: dict[str, Callable[[Entry], bool]] = {
+_ENTRY_GROUPS: dict[str, Callable[[ledger.Entry], bool]] = {
     "mean errors that are larger here": lambda e: _is_mean(e) and e.ratio > 1,
     "mean errors that are smaller here": _is_mean,
     "largest errors of a marker, which the thesis reads off a bar of a figure": lambda e: (
@@ -219,12 +218,12 @@ _SEPARATE_ENTRIES = {
 
 def ledger_table(cube: xr.Dataset) -> LedgerTable:
     """Show all claims, to filter and search: differing ones first, conclusions first of those."""
-    found = sorted(from_cube(cube), key=_importance)
+    found = sorted(ledger.from_cube(cube), key=_importance)
     folded = sum(entry.kind == "number" and not entry.counted for entry in found)
     return LedgerTable(data={"rows": [entry.row for entry in found], "folded": folded})
 
 
-def _importance(entry: Entry) -> tuple[bool, int, bool, int, float]:
+def _importance(entry: ledger.Entry) -> tuple[bool, int, bool, int, float]:
     """Sort bookkeeping behind, by verdict, conclusions first, by kind, and by size of deviation."""
     last = entry.kind == "number" and not entry.counted
     ratio = 1.0 if np.isnan(entry.ratio) else entry.ratio

@@ -12,8 +12,7 @@ from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law.compute import SHOWN_NOISES_PX, TEXTS
 from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
-from thesis_lib.vision import cone_law, dither
-from thesis_lib.vision.rounding import difference_variance
+from thesis_lib.vision import cone_law, dither, rounding
 
 __all__ = ["TEXTS"]  # which a cube's texts are filled with
 FIGURE_SIZE_IN = (7.2, 3.3)  # inches
@@ -32,7 +31,8 @@ def motion(cube: xr.Dataset) -> Figure:
     arched = (np.arange(np.ceil(delta[-1]))[:, None] + place).ravel()
     every = np.unique(np.concatenate([arched, np.geomspace(delta[0], 1, _PER_PIXEL)]))
     every = every[(every >= delta[0]) & (every <= delta[-1])]
-    law, independent = np.sqrt(difference_variance(every)), np.full_like(every, cone_law.MOTION_PX)
+    law = np.sqrt(rounding.difference_variance(every))
+    independent = np.full_like(every, cone_law.MOTION_PX)
     for axes, power in ((left, 0), (right, 1)):
         scale, drawn_scale = (100 / every) ** power, (100 / delta) ** power
         axes.plot(every, scale * law, color=style.BLUE, lw=1.6, label="the law")

@@ -21,8 +21,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.facts import setups
-from thesis_lib.plotting import selection, style
-from thesis_lib.plotting.panels import camera_centres, setup_panel
+from thesis_lib.plotting import panels as figures, selection, style
 from thesis_lib.studies import cubes, fields
 
 MAX_NEAR_OPTIMUM = 1.1  # times the least error that still count as near it
@@ -130,7 +129,7 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     part = part.sortby("value")
     values, varied = part["value"].values, str(part["parameter"].values[0])
     drawing, axes = style.subplots(2, 2, figsize=(7.6, 6.0))
-    setup_panel(axes[0, 0], cube, part)
+    figures.setup_panel(axes[0, 0], cube, part)
     axes[0, 0].set_title(f"(a) setups: {VARIED_NAMES[varied]} varied")
     _draw_errors(axes[0, 1], part)
     for name, label, look, how in CENTRE_CURVES:
@@ -222,7 +221,7 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     error, count = predict_errors(part), part["n_cameras"].values
     shown = [int(n) for n in np.unique(count) if np.isfinite(error[count == n]).any()][:3]
     panels = place.subplots(2, max(len(shown), 1), squeeze=False)
-    every = 1000 * camera_centres(part.isel(setting=int(np.argmax(count))))[:, :2]
+    every = 1000 * figures.camera_centres(part.isel(setting=int(np.argmax(count))))[:, :2]
     reach = 1.25 * np.abs(every).max()
     length, width = (1000 * side for side in setups.thesis_beam().extent)
     for column, n in enumerate(shown):
@@ -235,7 +234,7 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
             axes.add_patch(Rectangle((-length / 2, -width / 2), length, width, **ground))
             axes.plot(*every.T, ".", color="#cccccc", markersize=3)
             names = str(one["label"].item()).split("–")
-            for name, (x, y) in zip(names, 1000 * camera_centres(one)[:, :2], strict=True):
+            for name, (x, y) in zip(names, 1000 * figures.camera_centres(one)[:, :2], strict=True):
                 axes.plot([0, x], [0, y], color=style.BLUE, linewidth=0.6, alpha=0.6)
                 axes.plot(x, y, "o", color=style.BLUE, markersize=4)
                 axes.annotate(name, (1.17 * x, 1.17 * y), ha="center", va="center", fontsize=7)

@@ -22,8 +22,7 @@ from thesis_lib.ledger import verdicts
 from thesis_lib.plotting import panels as figures, selection, style
 from thesis_lib.studies import cubes, schema
 from thesis_lib.templates import render
-from thesis_lib.vibration.finite_elements import plate_modes
-from thesis_lib.vibration.polygons import mesh_outline
+from thesis_lib.vibration import finite_elements, polygons
 
 
 def error_table(cube: xr.Dataset) -> Markdown:
@@ -184,9 +183,9 @@ def compare_convergence(_: Mapping[str, xr.Dataset]) -> str:
     outline = ((0.0, 0.0), (plate.length, 0.0), plate.extent, (0.0, plate.width))
     ratio, off = plate.bending_stiffness / plate.mass_per_area, []
     for size in SIZES_MM:
-        mesh = mesh_outline(outline, (), size / 1000)
+        mesh = polygons.mesh_outline(outline, (), size / 1000)
         edge = mesh.boundary_facets()
-        found = plate_modes(mesh, edge[:0], edge, plate.poisson, 3)
+        found = finite_elements.plate_modes(mesh, edge[:0], edge, plate.poisson, 3)
         off.append(1 - np.sqrt(found.eigenvalues * ratio) / plate.angular_frequencies(3))
     orders = np.polyfit(np.log(SIZES_MM), np.log(np.array(off)), 1)[0]
     return render(__file__, "convergence", sizes=SIZES_MM, errors=off, orders=orders)

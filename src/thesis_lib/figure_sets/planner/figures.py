@@ -11,9 +11,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.planner import figure_set
 from thesis_lib.figure_sets.planner.compute import cheapest_option
-from thesis_lib.planning import report as plan_report
-from thesis_lib.planning.errors import AMPLITUDE_RANGE
-from thesis_lib.planning.positions import MAX_TIE_RATIO
+from thesis_lib.planning import errors, positions, report as plan_report
 from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
@@ -85,7 +83,7 @@ def compare_limits(cube: xr.Dataset) -> dict[str, Any]:
             for one in (figure_set.THESIS_QUESTIONS[question.partition(":")[0]], question)
         )
         more = own / free - 1
-        changes = np.where(np.abs(more) >= MAX_TIE_RATIO, more, np.nan)
+        changes = np.where(np.abs(more) >= positions.MAX_TIE_RATIO, more, np.nan)
         rows.append({"question": question, "cells": list(zip(own, changes, strict=True))})
     return {"rows": rows}
 
@@ -114,7 +112,7 @@ def compare_simulated(cube: xr.Dataset) -> dict[str, Any]:
             for body in figure_set.THESIS_QUESTIONS
         },
         "median": np.median,
-        "amplitudes": AMPLITUDE_RANGE,
+        "amplitudes": errors.AMPLITUDE_RANGE,
         "planned": _sort_finite(cube["averaged_law_ratio"]),
         "own": _sort_finite(cube["thesis_averaged_law_ratio"]),
     }
