@@ -9,7 +9,7 @@ import inspect
 import re
 from collections import Counter
 from collections.abc import Callable
-from html import escape, unescape
+from html import unescape
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from thesis_lib.book.pieces.opened import find_figure_names
 from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.web.html import render_html
 
 MAX_DESCRIPTION_LENGTH = 200
 _MADE_PAGES = {"index", "search", "genindex", "py-modindex"}  # those without a source
@@ -150,17 +151,9 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
     description = " ".join(first.split()) or title
     if len(description) > MAX_DESCRIPTION_LENGTH:
         description = description[:MAX_DESCRIPTION_LENGTH].rpartition(" ")[0] + " …"
-    root = "../" * page.count("/")
-    tags = [
-        ("name", "description", description),
-        ("property", "og:type", "article"),
-        ("property", "og:title", title),
-        ("property", "og:description", description),
-        ("property", "og:image", f"{root}_static/card.png"),
-        ("name", "twitter:card", "summary_large_image"),
-    ]
-    lines = [f'<meta {kind}="{name}" content="{escape(text)}"/>' for kind, name, text in tags]
-    context["metatags"] = "\n".join([context.get("metatags", ""), *lines])
+    values = {"title": title, "description": description, "root": "../" * page.count("/")}
+    tags = render_html("book/templates/metatags.html.j2", **values)
+    context["metatags"] = f"{context.get('metatags', '')}\n{tags}"
 
 
 def _remove_old_pages(app: Any, error: Exception | None) -> None:

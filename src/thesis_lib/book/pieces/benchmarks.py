@@ -126,13 +126,6 @@ PIECES: dict[str, Callable[[], str]] = {
 }
 
 
-CHECK_KINDS = {
-    "closed form": "closed forms",
-    "order": "orders",
-    "invariance": "invariances",
-    "independent": "independent evaluations",
-    "sampled": "predictions against samples",
-}
 CONFORMANCE_PIECES = ("conformance-totals", "conformance-tables")
 
 
@@ -173,7 +166,5 @@ def write_conformance(folder: Path, report_path: Path) -> None:
         check["words"] = name.removeprefix("test_").replace("_", " ").capitalize()
         check["percent"] = None if check["share"] is None else int(100 * check["share"])
         files.setdefault(file, []).append(check)
-    kinds = [check["kind"] for check in report["checks"]]
-    report["counts"] = {words: kinds.count(kind) for kind, words in CHECK_KINDS.items()}
     for piece in CONFORMANCE_PIECES:
         whole_text(folder / f"{piece}.md", render(__file__, piece, **report, files=files))

@@ -9,8 +9,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.conclusions import equal_pixels
-from thesis_lib.book.pieces.factors import FACTORS, estimate_effects, sound_trends
+from thesis_lib.book.pieces import conclusions, factors
 from thesis_lib.book.pieces.opened import Cubes, of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound import BEST_DEG, audible_planes, turn_advice
@@ -19,28 +18,14 @@ from thesis_lib.figure_sets.planner.figures import coarse_options, with_readable
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.parameters import Repeated
 from thesis_lib.laboratory.rig import PLACE_STD_M, TURN_STD_RAD
-from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.entries import from_cube
-from thesis_lib.plotting.selection import (
-    claimed_errors,
-    error_bars,
-    list_cases,
-    select_settings,
-    trial_rms,
-)
+from thesis_lib.ledger import entries as ledger, verdicts
+from thesis_lib.plotting import selection
 from thesis_lib.studies import cubes
 from thesis_lib.templates import render
 from thesis_lib.vision import cone_law, rounding
 
 BODY_CHAPTERS = {"beam": "ch3", "plate": "ch4"}
 FINDING_GROUPS = ("beam", "plate", "sound")
-VERDICT_WORDS = {
-    "agrees": "agree",
-    "within scatter": "lie within the scatter of single runs",
-    "differs": "differ",
-    "no material change": "change by a tenth at most",
-}
-ERROR_WORDS = {"mean": "mean errors", "peak": "peak errors"}
 
 
 def describe_chapter(subject: str, opened: Cubes) -> str:
@@ -62,8 +47,9 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
         }
     scatters = []  # of centres, that would give what the thesis states of a first setting
     for cube in chapter if subject == "experiment" else ():
-        if claim := claimed_errors(cube, "matched", 1)[0]:
-            by = {m: select_settings(cube, m, 1).isel(setting=0) for m in ("matched", "literal")}
+        if claim := selection.claimed_errors(cube, "matched", 1)[0]:
+            parts = selection.split_cases(cube, 1)
+            by = {method: parts[method].isel(setting=0) for method in ("matched", "literal")}
             scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
             wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
             label = by["literal"]["label"].item()
@@ -74,7 +60,7 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
         quantity="pressure of the plane" if "plane_error" in chapter[0] else "deflection",
         changes=changes,
         columns=list(changes[-1]["cells"]),
-        kinds=[ERROR_WORDS.get(kind, f"errors on {kind}") for kind in kinds],
+        kinds=kinds,
         agreement=[
             (STUDIES[name], [[i for n, k, i in met if (n, k) == (name, kind)] for kind in kinds])
             for name in names
@@ -92,11 +78,11 @@ def _compare_extremes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
     for cube in chapter:
         modes = cube["mode"].values.tolist()
         errors = [error for error in cubes.cube_errors(cube) if error != "max_point_error"]
-        for case in list_cases(cube):
-            labels = select_settings(cube, case, modes[0])["label"].values
+        for case in selection.list_cases(cube):
+            labels = selection.select_settings(cube, case, modes[0])["label"].values
             cells = {}
             for mode, error in product(modes, errors):
-                bars = error_bars(cube, case, mode, error)
+                bars = selection.error_bars(cube, case, mode, error)
                 if not np.isnan(bars.literal).all():
                     title = f"mode {mode}" + (f", {bars.name}" if bars.name else "")
                     cells[title] = bars.band[1][[0, -1]]
@@ -152,7 +138,8 @@ def tabulate_sound_scatter(opened: Cubes) -> str:
             drawn = part["plane_error"].isel(trial=slice(1, None))
             low, high = drawn.quantile([0.05, 0.95], "trial").values
             spread += list(high / low)
-            law += (part["predicted_error"] / trial_rms(part["plane_error"])).values.tolist()
+            rms = selection.trial_rms(part["plane_error"])
+            law += (part["predicted_error"] / rms).values.tolist()
             known += list(relative_rms_std(drawn**2))
         rows.append((mode, plane, np.median(spread), spread, law, np.median(known)))
     return render(__file__, "sound-scatter", rows=rows)
@@ -166,14 +153,15 @@ def tabulate_sound_layouts(opened: Cubes) -> str:
     rows: list[dict[str, Any]] = []
     times: dict[float, list[float]] = {1.0: [], 0.0: []}  # by the share that stands square
     for cube in chapter:
-        for case in list_cases(cube):
-            azimuth = select_settings(cube, case, pairs[0][0])["camera_azimuth"].values
+        for case in selection.list_cases(cube):
+            azimuth = selection.select_settings(cube, case, pairs[0][0])["camera_azimuth"].values
             off = np.abs((azimuth + 45) % 90 - 45)  # from a multiple of 90°
             square = np.nanmean(np.where(np.isnan(azimuth), np.nan, off < 1e-6), axis=1)
             cells = []
             for (mode, plane), alone in zip(pairs, free, strict=True):
-                part = select_settings(cube, case, mode).sel(plane=plane)
-                ratio = trial_rms(part["plane_error"]) / trial_rms(part["deflection_error"])
+                part = selection.select_settings(cube, case, mode).sel(plane=plane)
+                rms = [selection.trial_rms(part[f"{of}_error"]) for of in ("plane", "deflection")]
+                ratio = rms[0] / rms[1]
                 cells.append(ratio.values[[0, -1]])
                 for share, found in times.items():
                     found += (ratio.values[square == share] / alone).tolist()
@@ -190,7 +178,7 @@ def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
     The share is a median over cases and modes.
     """
     own = {name: opened[name] for name, study in STUDIES.items() if study.subject == body}
-    found = {name: estimate_effects(own, factor)[0] for name, factor in FACTORS.items()}
+    found = {name: factors.estimate_effects(own, of)[0] for name, of in factors.FACTORS.items()}
     return {
         name: {"worst": one.ends[0], "best": one.ends[1], "share": float(np.median(one.ratios))}
         for name, one in found.items()
@@ -199,7 +187,7 @@ def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
 
 def law_over_rms(chapter: Sequence[xr.Dataset]) -> Array:
     """Return the law over the trials' rms of beam or plate, shape (settings × modes,)."""
-    ratios = [cube["predicted_error"] / trial_rms(cube["mean_error"]) for cube in chapter]
+    ratios = [cube["predicted_error"] / selection.trial_rms(cube["mean_error"]) for cube in chapter]
     return np.concatenate([ratio.values.ravel() for ratio in ratios])
 
 
@@ -232,10 +220,10 @@ def describe_laboratory(opened: Cubes) -> str:
     cube = opened["experiment-resolution"]
     found = _check_claims(of_subject(opened, "experiment"))
     thesis, best = (
-        _trial_median(select_settings(cube, method, 1).isel(setting=-1)["mean_error"])
+        _trial_median(selection.select_settings(cube, method, 1).isel(setting=-1)["mean_error"])
         for method in ("matched", "harmonic")
     )
-    claim = claimed_errors(cube, "matched", 1)[-1]
+    claim = selection.claimed_errors(cube, "matched", 1)[-1]
     met = [inside for _, kind, inside in found if kind == "mean"]
     return render(__file__, "laboratory-result", thesis=thesis, best=best, claim=claim, met=met)
 
@@ -255,12 +243,9 @@ def describe_sound(opened: Cubes) -> str:
 
 def describe_shapes(opened: Cubes) -> str:
     """Describe how far the errors of the two shapes are from the rectangle's."""
-    whole = trial_rms(opened["plate-arrays"]["mean_error"]).values
-    ratios = [
-        float(ratio)
-        for name in ("shape-l", "shape-holes")
-        for ratio in np.median(trial_rms(opened[name]["mean_error"]).values / whole, axis=0)
-    ]
+    whole = selection.trial_rms(opened["plate-arrays"]["mean_error"]).values
+    rms = [selection.trial_rms(opened[name]["mean_error"]) for name in ("shape-l", "shape-holes")]
+    ratios = np.ravel([np.median(own.values / whole, axis=0) for own in rms]).tolist()
     return render(__file__, "shapes-result", ratios=ratios)
 
 
@@ -281,9 +266,9 @@ def tabulate_advice(opened: Cubes) -> str:
     rows = [
         (
             factor.advice,
-            {e.group: (np.median(e.ratios), e) for e in estimate_effects(opened, factor)},
+            {e.group: (np.median(e.ratios), e) for e in factors.estimate_effects(opened, factor)},
         )
-        for factor in FACTORS.values()
+        for factor in factors.FACTORS.values()
     ]
     groups = [group for group in FINDING_GROUPS if any(group in by for _, by in rows)]
     return render(__file__, "conclusions-result", rows=rows, groups=groups)
@@ -291,15 +276,14 @@ def tabulate_advice(opened: Cubes) -> str:
 
 def list_findings(opened: Cubes) -> str:
     """List the advice of the thesis with its verdicts, and what the book finds of it."""
-    entries = [entry for entry in from_cube(opened["claims"]) if entry.counted]
-    numbers = {word: sum(one.verdict == word for one in entries) for word in verdicts.VERDICTS}
+    entries = [entry for entry in ledger.from_cube(opened["claims"]) if entry.counted]
     ratios = law_over_rms([*of_subject(opened, "beam"), *of_subject(opened, "plate")])
-    arrays, trends = opened["sound-arrays"], sound_trends(opened)
+    arrays, trends = opened["sound-arrays"], factors.sound_trends(opened)
     average_px = float(np.sqrt(rounding.mean_difference_variance(1, 0, 1)))
     left = {body: error_shares(opened, body) for body in BODY_CHAPTERS}
     parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
     advice = []
-    for name, factor in FACTORS.items():
+    for name, factor in factors.FACTORS.items():
         judged = {  # by the ledger, for each body
             body: next(
                 one
@@ -314,7 +298,7 @@ def list_findings(opened: Cubes) -> str:
         __file__,
         "home-findings",
         counted=len(entries),
-        verdicts=[(numbers[word], words) for word, words in VERDICT_WORDS.items() if numbers[word]],
+        numbers=ledger.count_verdicts(entries),
         missed=[inside for _, _, inside in _check_claims(of_subject(opened, "beam"))],
         ratios=ratios,
         off=np.max(np.abs(ratios - 1)),
@@ -322,7 +306,7 @@ def list_findings(opened: Cubes) -> str:
         left=left,
         average_px=average_px,
         rule=float(cone_law.cone_deflection_error(1, 1, 4, np.pi / 2)) / 2,
-        pair=np.median([one.ratio for one in equal_pixels()]),
+        pair=np.median([one.ratio for one in conclusions.equal_pixels()]),
         shape=_trial_median(arrays["deflection_error"]),
         sound=_trial_median(arrays["plane_error"]),
         trends=trends,

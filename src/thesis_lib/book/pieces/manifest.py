@@ -5,6 +5,7 @@ The report is no page of Sphinx: it loads nothing, and is the file that a user w
 
 import json
 import shlex
+import tomllib
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -17,19 +18,15 @@ from thesis_lib.figure_sets import record
 from thesis_lib.files import whole_text
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure import messages
-from thesis_lib.measure.feasibility import assess
-from thesis_lib.measure.feasibility.prediction import draft_manifest
+from thesis_lib.measure.feasibility import assess, prediction
 from thesis_lib.measure.fitting.result import known_rms
-from thesis_lib.measure.recordings import manifest_parts
-from thesis_lib.measure.recordings.board import BoardSpec, MarkersSpec
-from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
+from thesis_lib.measure.recordings import board, manifest as manifests, manifest_parts
 from thesis_lib.measure.report import build, figures, warnings
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies.fields import describe_allowed, describe_field, unit_of_field
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import fold_frequency
-from thesis_lib.vision import cone_law
-from thesis_lib.vision.optics import depth_of_field
+from thesis_lib.vision import cone_law, optics
 
 SAMPLE_PAGE = "sample-report.html"
 SHAPE_FIGURE = "guide-shape.svg"
@@ -60,11 +57,11 @@ def compare_smallest_deflection() -> str:
 
 
 MANIFEST_PARTS: dict[str, type[BaseModel]] = {
-    "manifest": Manifest,
+    "manifest": manifests.Manifest,
     "structure": manifest_parts.StructureSpec,
-    "markers": MarkersSpec,
-    "cameras": CameraFiles,
-    "board": BoardSpec,
+    "markers": board.MarkersSpec,
+    "cameras": manifests.CameraFiles,
+    "board": board.BoardSpec,
     "excitation": manifest_parts.Excitation,
     "calibration": manifest_parts.Reuse,
     "radiation": manifest_parts.Radiation,
@@ -113,28 +110,8 @@ def _format_value(value: Any) -> str:
     return f"{value:.10g}" if number else json.dumps(value, ensure_ascii=False).strip('"')
 
 
-PHONE_LAYOUTS = {
-    "two on one side, 20° apart": (-10, 10),
-    "two on one side, 90° apart": (-45, 45),
-    "two that face each other": (0, 180),
-    "three on one side, 45° apart": (-45, 0, 45),
-    "three all around": (0, 120, 240),
-    "four, as in the thesis": (10, -10, 170, 190),
-}
-EXAMPLE_PLATE: dict[str, Any] = {
-    "cameras": 4,
-    "structure.kind": "plate",
-    "structure.length_mm": 600,
-    "structure.width_mm": 400,
-    "structure.thickness_mm": 3,
-    "excitation.frequency_hz": 50,
-    "excitation.amplitude_mm": 0.2,
-}
-"""A plate, for which the page answers whether phones will do."""
-PHONE_CAMERAS: dict[str, dict[str, Any]] = {
-    "full HD": {},
-    "4K": {"cameras.width_px": 3840, "cameras.height_px": 2160},
-}
+FILMS = tomllib.loads(Path(__file__).with_name("manifest.toml").read_text(encoding="utf-8"))
+EXAMPLE_PLATE: dict[str, Any] = FILMS["plate"]
 
 
 def state_rule() -> str:
@@ -156,8 +133,8 @@ def state_rule() -> str:
 def answer_for_plate() -> str:
     """Answer for the plate: what to type, what comes out, and whether it will do."""
     rows: list[dict[str, Any]] = []
-    for name, phone in PHONE_CAMERAS.items():
-        assessed = assess.assess_manifest(draft_manifest(EXAMPLE_PLATE | phone))
+    for name, phone in FILMS["phones"].items():
+        assessed = assess.assess_manifest(prediction.draft_manifest(EXAMPLE_PLATE | phone))
         verdict = assessed.verdict
         row = {
             "name": name,
@@ -180,7 +157,7 @@ def answer_for_plate() -> str:
         frequency_hz=EXAMPLE_PLATE["excitation.frequency_hz"],
         known_hz=messages.CHECK_LIMITS["alias"] / full_hd.rig.steady_interval_s,
         command=" \\\n    ".join(["thesis measure --new plate", *lines]),
-        for_4k=" ".join(f"-p {name}={value}" for name, value in PHONE_CAMERAS["4K"].items()),
+        for_4k=" ".join(f"-p {name}={value}" for name, value in FILMS["phones"]["4K"].items()),
         check=_describe_check(full_hd),
         verdict=assess.describe_verdict(full_hd),
     )
@@ -191,7 +168,7 @@ def _describe_check(assessed: assess.Assessment) -> list[str]:
     return [*assess.describe_assessment(assessed), "", *assess.describe_verdict(assessed)]
 
 
-def _build_example() -> Manifest:
+def _build_example() -> manifests.Manifest:
     return example_manifest(example_rig())
 
 
@@ -209,7 +186,7 @@ def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> assess
 
 def tabulate_layouts() -> str:
     """Tabulate the effect of the sides from which cameras look, on rms standard errors."""
-    rigs = {name: assess_layout(at, 25.0).rig for name, at in PHONE_LAYOUTS.items()}
+    rigs = {name: assess_layout(at, 25.0).rig for name, at in FILMS["layouts_deg"].items()}
     rows = [(name, 1000 * rig.one_frame[0], 1000 * rig.fit[0]) for name, rig in rigs.items()]
     camera, fit_s = _build_example().cameras[0], rigs["two that face each other"].steady_interval_s
     values = {"camera": camera, "fit_s": fit_s, "centre_noise_px": assess.CENTRE_NOISE_PX}
@@ -270,7 +247,7 @@ def tabulate_focus() -> str:
         "film-focus",
         widths_px=widths_px,
         rows=[
-            (stop, [depth_of_field(focal_mm, stop, distance_mm, circle) for circle in circles_mm])
+            (stop, [optics.depth_of_field(focal_mm, stop, distance_mm, one) for one in circles_mm])
             for stop in (2.8, 5.6, 11)
         ],
         camera=camera,
