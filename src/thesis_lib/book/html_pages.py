@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-import lxml.html
-from lxml import etree
-from lxml.html import HtmlElement, builder, fragment_fromstring
+from lxml import etree, html
+from lxml.html import builder
 from matplotlib.colors import to_hex
 from PIL import Image, ImageColor
 
@@ -47,7 +46,7 @@ def finish_pages(book: Path) -> None:
     entries: dict[str, list[SearchEntry]] = {}
     for path in sorted({*book.rglob("*.html")} - {*(book / "_static").rglob("*.html")}):
         name = path.relative_to(book).as_posix()
-        page = lxml.html.document_fromstring(path.read_text(encoding="utf-8"))
+        page = html.document_fromstring(path.read_text(encoding="utf-8"))
         entries[name] = index_page(page)
         for script in [*page.iter("script")]:  # widgets' state, which viewers carry; the search
             state = script.get("type") == "application/vnd.jupyter.widget-state+json"
@@ -60,7 +59,7 @@ def finish_pages(book: Path) -> None:
         draw_intervals(page)
         load_lazily(page, path.parent)
         share_viewers(page, book, "../" * name.count("/"))
-        text = lxml.html.tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")
+        text = html.tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")
         path.write_text(text, encoding="utf-8")
     write_index(book, entries)
     for path in (book / "_sources").rglob("*.ipynb"):
@@ -74,7 +73,7 @@ def finish_pages(book: Path) -> None:
         path.write_text(json.dumps(notebook, ensure_ascii=False, indent=1), encoding="utf-8")
 
 
-def name_controls(page: HtmlElement) -> None:
+def name_controls(page: html.HtmlElement) -> None:
     """Give controls of the theme and its extensions the names and roles that they lack.
 
     ``tests/book/test_book_pages.py`` checks them with axe in a browser.
@@ -103,7 +102,7 @@ def name_controls(page: HtmlElement) -> None:
         element.set("role", "listitem")  # the former role is deprecated
 
 
-def fold_contents(page: HtmlElement) -> None:
+def fold_contents(page: html.HtmlElement) -> None:
     """Fold the parts of the contents in the margin, except for the part of this page."""
     for caption in page.xpath("//nav//p[contains(@class, 'caption')]"):
         pages = caption.getnext()
@@ -118,7 +117,7 @@ def fold_contents(page: HtmlElement) -> None:
         part.append(pages)
 
 
-def load_lazily(page: HtmlElement, folder: Path) -> None:
+def load_lazily(page: html.HtmlElement, folder: Path) -> None:
     """Let images load when they come near the screen, with their size and panels known before."""
     for image in page.iter("img"):
         source = image.get("src", "")
@@ -130,7 +129,7 @@ def load_lazily(page: HtmlElement, folder: Path) -> None:
         image.attrib.update({"loading": "lazy", **known})
 
 
-def share_viewers(page: HtmlElement, book: Path, root: str) -> None:
+def share_viewers(page: html.HtmlElement, book: Path, root: str) -> None:
     """Move the programs and styles of viewers to files that pages share; the data stay in the page.
 
     A page opened from a folder may load no module, but a script, whose function returns the front
@@ -181,7 +180,7 @@ def draw_intervals(page: Any) -> None:
         return
     links = page.xpath("//a[contains(@href, 'data/') and contains(@href, '.csv')]/@href")
     values = {"scale": scales[0], "words": words, "unit": unit, "numbers": "".join(links[:1])}
-    new = fragment_fromstring(render_html("book/templates/interval_key.html.j2", **values))
+    new = html.fragment_fromstring(render_html("book/templates/interval_key.html.j2", **values))
     new.tail = keys[0].tail
     keys[0].getparent().replace(keys[0], new)
 
@@ -210,7 +209,7 @@ def _draw_table(table: Any, words: tuple[str, str, str]) -> str:
         values = {"words": words, "width": INTERVAL_CELL_WIDTH_PX, "place": place_mark}
         values |= dict(zip(names, texts, strict=True))
         drawing = render_html("book/templates/interval_cell.html.j2", **values)
-        cell[:], cell.text = [fragment_fromstring(drawing)], None
+        cell[:], cell.text = [html.fragment_fromstring(drawing)], None
     begin, kind = (f"{low:g}", ", by powers of ten") if logarithmic else ("0", "")
     return f"from {begin} to {high:g} %{kind}"
 

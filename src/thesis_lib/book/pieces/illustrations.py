@@ -21,8 +21,7 @@ from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.optics.figures import pixel_flows
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
-from thesis_lib.plotting import style
-from thesis_lib.plotting.selection import error_bars, list_cases, select_settings, trial_rms
+from thesis_lib.plotting import selection, style
 from thesis_lib.vibration import deflection_shape, structure as structures
 
 DRAWN_MODE = 3  # of the curves over what is varied
@@ -41,7 +40,7 @@ VARIED: dict[str, tuple[str, tuple[float, ...], tuple[str, ...]]] = {
 def draw_varied(of: str, cube: xr.Dataset) -> Figure:
     """Draw the mean error over what is varied: rms and band of the trials, and the law."""
     drawing, axes = style.subplots(figsize=(5.2, 3.2))  # to be read on a phone
-    cases, (label, ticks, parameters) = list_cases(cube), VARIED[of]
+    parts, (label, ticks, parameters) = selection.split_cases(cube, DRAWN_MODE), VARIED[of]
     fine = None
     if parameters:  # the same study with many settings from its first to its last
         asked = json.loads(cube.attrs["parameters"]) | {"trials": 0, "cube": ""}
@@ -49,11 +48,10 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
             ends = np.linspace(min(asked[name]), max(asked[name]), LAW_SETTINGS)
             asked[name] = (np.rint(ends).astype(int) if name == "widths_px" else ends).tolist()
         fine = compute.run(camera_study(cube.attrs["figure_set"], asked))
-    for i, case in enumerate(cases):
-        part = select_settings(cube, case, DRAWN_MODE)
-        bars, order = error_bars(cube, case, DRAWN_MODE), np.argsort(part["value"].values)
-        (low, _, high), rms = bars.band[:, order], trial_rms(part["mean_error"])[order]
-        shift = 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
+    for i, (case, part) in enumerate(parts.items()):
+        bars, order = selection.error_bars(cube, case, DRAWN_MODE), np.argsort(part["value"].values)
+        (low, _, high), rms = bars.band[:, order], selection.trial_rms(part["mean_error"])[order]
+        shift = 1.02 ** (i - (len(parts) - 1) / 2)  # side by side
         at = part["value"].values[order] * shift
         color, name = style.cycle_color(i), f"case {case.replace(chr(39), '′')}"
         axes.vlines(at, low, high, color=color, linewidth=1)
@@ -61,11 +59,11 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
         if fine is None:
             axes.plot(at, bars.predicted[order], "_", color=color, markersize=10)
         else:
-            law = select_settings(fine, case, DRAWN_MODE).sortby("value")
+            law = selection.select_settings(fine, case, DRAWN_MODE).sortby("value")
             axes.plot(law["value"] * shift, law["predicted_error"], color=color, linewidth=1)
     style.log_axes(axes, ticks or np.unique(cube["value"]), [1, 2, 3, 5, 10, 20, 30, 50])
     axes.set(xlabel=label, ylabel=f"mean error in mode {DRAWN_MODE}, %")
-    if len(cases) > 1:
+    if len(parts) > 1:
         drawing.legend(loc="outside upper left", ncols=3, columnspacing=1)
     return drawing
 
@@ -73,9 +71,8 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
 def draw_elevations(cube: xr.Dataset) -> Figure:
     """Draw the error over elevation: median and band of the trials, by case."""
     drawing, axes = style.subplots(figsize=(6.4, 3.0))
-    for i, case in enumerate(list_cases(cube)):
-        part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
-        low, median, high = bars.band
+    for i, (case, part) in enumerate(selection.split_cases(cube, 1).items()):
+        low, median, high = selection.error_bars(cube, case, 1).band
         bounds, words = [median - low, high - median], case.replace("-", " ")
         look = {"fmt": "osD^v"[i] + "-", "color": style.cycle_color(i), "ms": 4, "linewidth": 1}
         axes.errorbar(part["value"], median, bounds, label=words, **look)
@@ -89,9 +86,9 @@ def draw_distances(cube: xr.Dataset) -> Figure:
     """Draw the error over distance and over aperture: rms and band of the trials, and the law."""
     drawing, panels = style.subplots(1, 2, figsize=(7.2, 2.8), sharey=True)
     for axes, case, unit in zip(panels, ("distance", "aperture"), ("mm", "°"), strict=True):
-        part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
+        part, bars = selection.split_cases(cube, 1)[case], selection.error_bars(cube, case, 1)
         values, law = part["value"].values, "law, one noise for all"
-        rms = trial_rms(part["mean_error"])
+        rms = selection.trial_rms(part["mean_error"])
         axes.vlines(values, bars.band[0], bars.band[2], color=style.BLUE)
         axes.plot(values, rms, "o", color=style.BLUE, label="rendered frames")
         axes.plot(values, bars.predicted, "_", color=style.INK_COLOR, markersize=14, label=law)
@@ -108,10 +105,10 @@ def draw_few_frames(cube: xr.Dataset) -> Figure:
     modes = cube["mode"].values.tolist()
     drawing, panels = style.subplots(1, len(modes), figsize=(7.2, 2.8), sharey=True, squeeze=False)
     for axes, mode in zip(panels[0], modes, strict=True):
-        for i, case in enumerate(list_cases(cube)):
-            part, bars = select_settings(cube, case, mode), error_bars(cube, case, mode)
+        for i, (case, part) in enumerate(selection.split_cases(cube, mode).items()):
+            median = selection.error_bars(cube, case, mode).band[1]
             mark, ink = "osD^"[i] + ("--" if case == "known" else "-"), style.cycle_color(i)
-            axes.plot(part["value"], bars.band[1], mark, color=ink, ms=4, label=case)
+            axes.plot(part["value"], median, mark, color=ink, ms=4, label=case)
         style.log_axes(axes, cube["frame_rate"].values, [0.1, 0.3, 1, 3, 10, 30])
         axes.set(title=f"mode {mode}", xlabel="frames per second")
     panels[0][0].set_ylabel("mean error, %")
@@ -121,19 +118,18 @@ def draw_few_frames(cube: xr.Dataset) -> Figure:
 
 def draw_plate_errors(cube: xr.Dataset) -> Figure:
     """Draw the deflection's error in mode 1 of fitted centres and of whole pixels."""
-    cases = list_cases(cube)
+    cases = selection.split_cases(cube, 1)
     drawing, axes = style.subplots(figsize=(6.4, 3.0))
-    for i, case in enumerate(cases):
-        part = select_settings(cube, case, 1)
+    for i, part in enumerate(cases.values()):
         place = i + np.linspace(-0.3, 0.3, part.sizes["setting"])
-        axes.plot(place, trial_rms(part["mean_error"]), "o-", color=style.BLUE)
+        axes.plot(place, selection.trial_rms(part["mean_error"]), "o-", color=style.BLUE)
         axes.plot(place, part["rounded_error"], "_", color=style.RED, markersize=8)
     handles = [
         Line2D([], [], color=style.BLUE, marker="o", label="fitted centres"),
         Line2D([], [], color=style.RED, marker="_", ls="", label="whole pixels, by the law"),
     ]
     axes.legend(handles=handles, loc="upper center", ncols=2)
-    axes.set_xticks(range(len(cases)), cases)
+    axes.set_xticks(range(len(cases)), [*cases])
     style.make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
     axes.set(ylabel="error of the deflection, %", ylim=(None, 400))
     axes.set_xlabel("what is varied, from its first setting to its last")

@@ -271,13 +271,8 @@ PIECES: dict[str, Callable[[], str]] = {
     ),
     "record-new": partial(render, __file__, "record-lines", lines=messages.NEW_MESSAGES),
     **{
-        name: partial(render, __file__, "record-notes", notes=messages.NOTE_GROUPS[group])
-        for name, group in (
-            ("record-notes", "shape"),
-            ("record-notes-modes", "modes"),
-            ("record-notes-sound", "sound"),
-            ("record-notes-force", "force"),
-        )
+        f"record-notes-{group}": partial(render, __file__, "record-notes", notes=notes)
+        for group, notes in messages.NOTE_GROUPS.items()
     },
     "film-rule": state_rule,
     "film-answer": answer_for_plate,

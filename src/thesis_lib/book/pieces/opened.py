@@ -18,8 +18,7 @@ from typing import Any
 
 import xarray as xr
 
-from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.display import list_captions
+from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import whole_file, whole_text
 from thesis_lib.runs.postprocess import figure_cell, figure_metadata
@@ -52,7 +51,7 @@ def build_failure_page(source: Path, name: str, reason: str) -> Any:
         if cell.cell_type == "markdown":
             cells.append(cell)
             continue
-        for number, caption in enumerate(list_captions(STUDIES[name](), cell.source), 1):
+        for number, caption in enumerate(display.list_captions(STUDIES[name](), cell.source), 1):
             words = figure_metadata(caption.name, caption.text, _PLACEHOLDER_TEXT)
             place = figure_cell(f"{cell.id}-{number}", mystnb=words)
             place.outputs = [nbformat.v4.new_output("display_data", {"image/svg+xml": image})]
