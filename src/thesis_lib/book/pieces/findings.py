@@ -13,11 +13,9 @@ from thesis_lib.book.pieces import conclusions, factors
 from thesis_lib.book.pieces.opened import Cubes, of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound import BEST_DEG, audible_planes, turn_advice
-from thesis_lib.figure_sets.planner.figure_set import THESIS_QUESTIONS
-from thesis_lib.figure_sets.planner.figures import coarse_options, with_readable
+from thesis_lib.figure_sets.planner import figure_set, figures
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.laboratory.parameters import Repeated
-from thesis_lib.laboratory.rig import PLACE_STD_M, TURN_STD_RAD
+from thesis_lib.laboratory import parameters, rig
 from thesis_lib.ledger import entries as ledger, verdicts
 from thesis_lib.plotting import selection
 from thesis_lib.studies import cubes
@@ -111,7 +109,7 @@ def relative_rms_std(squared: xr.DataArray) -> Array:
 def describe_repeats(opened: Cubes) -> str:
     """Describe how many other recordings the bands are over, and where the first lies in them."""
     rows = []
-    for study in (one for one in STUDIES.values() if issubclass(one, Repeated)):
+    for study in (one for one in STUDIES.values() if issubclass(one, parameters.Repeated)):
         error = opened[study.name]["mean_error"].transpose("trial", ...).values
         error = error[:, np.isfinite(error).all(axis=0)]
         first, others = error[0], error[1:]
@@ -123,8 +121,8 @@ def describe_repeats(opened: Cubes) -> str:
             "below": np.mean(first < others.min(0)),
         }
         rows.append(row)
-    turn = np.degrees(TURN_STD_RAD)
-    return render(__file__, "lab-repeats", rows=rows, shift_mm=1000 * PLACE_STD_M, turn_deg=turn)
+    values = {"shift_mm": 1000 * rig.PLACE_STD_M, "turn_deg": np.degrees(rig.TURN_STD_RAD)}
+    return render(__file__, "lab-repeats", rows=rows, **values)
 
 
 def tabulate_sound_scatter(opened: Cubes) -> str:
@@ -253,11 +251,11 @@ def describe_planner(opened: Cubes) -> str:
     """Describe what planning gains over the best of the thesis's layouts."""
     cube = opened["planner"]
     gains = {}
-    for body, question in THESIS_QUESTIONS.items():
+    for body, question in figure_set.THESIS_QUESTIONS.items():
         own = cube["thesis_expected"].sel(structure=body).min("thesis_case").values
-        planned = coarse_options(cube, question)["expected_error"].values
+        planned = figures.coarse_options(cube, question)["expected_error"].values
         gains[body] = 100 * (1 - planned[: len(own)] / own)
-    counts, readable = cube["count"].values.astype(int), with_readable(cube)
+    counts, readable = cube["count"].values.astype(int), figures.with_readable(cube)
     return render(__file__, "planner-result", gains=gains, counts=counts, readable=readable)
 
 

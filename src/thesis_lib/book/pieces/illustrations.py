@@ -19,8 +19,7 @@ from thesis_lib.book.pieces.opened import write_placeholder
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.optics.figures import pixel_flows
-from thesis_lib.figure_sets.parametric import compute
-from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
+from thesis_lib.figure_sets.parametric import compute, figure_set
 from thesis_lib.plotting import selection, style
 from thesis_lib.vibration import deflection_shape, structure as structures
 
@@ -47,7 +46,7 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
         for name in parameters:
             ends = np.linspace(min(asked[name]), max(asked[name]), LAW_SETTINGS)
             asked[name] = (np.rint(ends).astype(int) if name == "widths_px" else ends).tolist()
-        fine = compute.run(camera_study(cube.attrs["figure_set"], asked))
+        fine = compute.run(figure_set.camera_study(cube.attrs["figure_set"], asked))
     for i, (case, part) in enumerate(parts.items()):
         bars, order = selection.error_bars(cube, case, DRAWN_MODE), np.argsort(part["value"].values)
         (low, _, high), rms = bars.band[:, order], selection.trial_rms(part["mean_error"])[order]
@@ -249,7 +248,7 @@ def draw_cases() -> Figure:
     In a growing set each camera stands where it comes in.
     """
     found: dict[str, list[setups.Setting]] = {}
-    for one in map(camera_study, CAMERA_STUDIES):
+    for one in map(figure_set.camera_study, figure_set.CAMERA_STUDIES):
         if one.subject == "beam":
             for setting in one.settings():
                 found.setdefault(setting.case, []).append(setting)

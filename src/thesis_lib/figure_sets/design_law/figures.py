@@ -8,13 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
-from thesis_lib.figure_sets.design_law import shares as design_shares
-from thesis_lib.figure_sets.design_law.compute import SHOWN_NOISES_PX, TEXTS
+from thesis_lib.figure_sets.design_law import compute, shares as design_shares
 from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision import cone_law, dither, rounding
 
-__all__ = ["TEXTS"]  # which a cube's texts are filled with
+TEXTS = compute.TEXTS  # which a cube's texts are filled with
 FIGURE_SIZE_IN = (7.2, 3.3)  # inches
 _PER_PIXEL = 181  # motions at which the law is drawn, in each pixel
 DRAWN_ANGLE_STEP = 5  # of the drawn angles, so that dots stand apart
@@ -240,7 +239,8 @@ def noisy(cube: xr.Dataset) -> Figure:
         for values, look in zip(iterate_slices(part, "approach"), styles, strict=True):
             axes.plot(x, values, color=ink, label="_" if look else label, **look)
 
-    for noise, ink in zip(SHOWN_NOISES_PX, style.ordered_colors(len(SHOWN_NOISES_PX)), strict=True):
+    shown = compute.SHOWN_NOISES_PX
+    for noise, ink in zip(shown, style.ordered_colors(len(shown)), strict=True):
         words = f"{noise:g} px" if noise else "no noise"
         draw_approaches(left, drawn.sel(image_noise=noise), counts, ink, words)
         if noise:

@@ -23,9 +23,7 @@ from matplotlib.patches import Polygon, Rectangle
 from thesis_lib import files
 from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment import figures, methods
-from thesis_lib.figure_sets.experiment.compute import EXPERIMENT, tracks_of
-from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
+from thesis_lib.figure_sets.experiment import compute, figure_set, figures, methods
 from thesis_lib.figure_sets.experiment.figures import MARKERS, WIDTH_IN
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
@@ -368,7 +366,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
 
 def _tracks(data: xr.Dataset, method: str) -> methods.Tracks:
     """Return the tracks of all cameras at the largest width, as a method takes them."""
-    return tracks_of(data, (method, figures.camera_letters(data), int(data["width"].max())))
+    return compute.tracks_of(data, (method, figures.camera_letters(data), int(data["width"].max())))
 
 
 def _parts(data: xr.Dataset) -> dict[str, Any]:
@@ -417,7 +415,7 @@ def fill_text(data: xr.Dataset, name: str) -> str:
 
 def write_all(folder: Path) -> None:
     """Write figures and texts of chapter 5's recordings, from which the same bytes follow."""
-    data = EXPERIMENT.load(ExperimentResolution().recordings)
+    data = compute.EXPERIMENT.load(figure_set.ExperimentResolution().recordings)
     for name, draw in WALK_FIGURES.items():
         with style.in_style():
             figure = draw(data)

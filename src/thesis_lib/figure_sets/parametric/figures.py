@@ -16,8 +16,7 @@ from IPython.display import Markdown
 from matplotlib.figure import Figure
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.figure_sets.parametric.figure_set import camera_study
-from thesis_lib.figure_sets.parametric.sound import audible_planes, turn_summary
+from thesis_lib.figure_sets.parametric import figure_set, sound
 from thesis_lib.ledger import verdicts
 from thesis_lib.plotting import panels as figures, selection, style
 from thesis_lib.studies import cubes, schema
@@ -96,7 +95,7 @@ SIZES_MM = (40.0, 20.0, 10.0)
 
 def compare_frequencies(cube: xr.Dataset) -> dict[str, Any]:
     """Compare frequencies with those of the thesis's plate, and list the markers' mean motion."""
-    asked = camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
+    asked = figure_set.camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
     modes, plate = cube["mode"].values.tolist(), setups.thesis_plate()
     rectangle = plate.angular_frequencies(max(modes)) / (2 * np.pi)
     rows = [
@@ -199,15 +198,15 @@ PIECES = {
 
 
 TEXTS = {
-    "turn": lambda cube: {"audible": audible_planes(cube)},
-    "turn-summary": turn_summary,
+    "turn": lambda cube: {"audible": sound.audible_planes(cube)},
+    "turn-summary": sound.turn_summary,
     "modes": compare_frequencies,
 }
 
 
 def turn(cube: xr.Dataset) -> Figure:
     """Plot field errors against the turn: lines by the law, dots simulated."""
-    pairs = audible_planes(cube)
+    pairs = sound.audible_planes(cube)
     size, how = (2.1 * len(pairs) + 1, 3.1), {"squeeze": False, "sharey": True}
     drawing, axes = style.subplots(1, len(pairs), figsize=size, **how)
     for panel, (mode, plane) in zip(axes[0], pairs, strict=True):

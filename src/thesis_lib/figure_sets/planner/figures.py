@@ -9,8 +9,7 @@ import xarray as xr
 from IPython.display import HTML
 from matplotlib.figure import Figure
 
-from thesis_lib.figure_sets.planner import figure_set
-from thesis_lib.figure_sets.planner.compute import cheapest_option
+from thesis_lib.figure_sets.planner import compute, figure_set
 from thesis_lib.planning import errors, positions, report as plan_report
 from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
@@ -98,7 +97,7 @@ def list_targets(cube: xr.Dataset) -> dict[str, Any]:
     """Return the cheapest layout that reaches the target, question by question."""
     best = {}
     for one in iterate_slices(cube, "question"):
-        at = cheapest_option(one, table_parameter(cube, "target_percent"))
+        at = compute.cheapest_option(one, table_parameter(cube, "target_percent"))
         best[one["question"].item()] = None if at is None else one.isel(option=at)
     return {"best": best}
 
@@ -220,7 +219,7 @@ def front(cube: xr.Dataset) -> Figure:
     """Plot the error against cost for one question."""
     drawing, panel = style.subplots(figsize=(7.2, 3.8))
     one, target = cube.sel(question=FRONT_QUESTION), table_parameter(cube, "target_percent")
-    found, best = np.isfinite(one["cost"].values), cheapest_option(one, target)
+    found, best = np.isfinite(one["cost"].values), compute.cheapest_option(one, target)
     chosen = 0 if best is None else int(np.sum(found[:best]))
     one = one.isel(option=found).assign(chosen=chosen)
     plan_report.front_panel(panel, one, None if best is None else target)
