@@ -161,12 +161,8 @@ def write_provenance(notebook: Path, folder: Path) -> None:
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     shown = [output.get("data", {}) for cell in cells for output in cell.get("outputs", [])]
     viewers = ["".join(one["text/html"]) for one in shown if "text/html" in one]
-    raw = "".join(f"```{{raw}} html\n{viewer}\n```\n\n" for viewer in viewers)
     _, found, block = "".join(cells[-1]["source"]).partition("<details")
-    own = (
-        f'<a class="tl-download" download="{notebook.name}" '
-        f'href="_sources/executed/{notebook.name}">Executed notebook</a> '
-    )
-    block = block.replace("../", "").replace(_DOWNLOADS_MARK, own + _DOWNLOADS_MARK, 1)
-    text = f"{raw}(data-of-{notebook.stem})=\n## Data and provenance\n\n{found}{block}\n"
+    downloads = block.replace("../", "").partition(_DOWNLOADS_MARK)
+    values = {"name": notebook.stem, "viewers": viewers, "found": found, "downloads": downloads}
+    text = render(__file__, "provenance", **values)
     whole_text(folder / f"provenance-{notebook.stem}.md", text)

@@ -1,6 +1,5 @@
 """Tables of what of the thesis is where, and the book's account of its gaps."""
 
-import json
 import re
 from collections.abc import Callable
 from functools import partial
@@ -50,12 +49,6 @@ def format_assumptions(piece: str) -> str:
     """List the gaps that belong to a piece: what is open, assumed, why, and what varies it."""
     items = [
         item
-        | {
-            "parameters": [(k, json.dumps(v)) for k, v in item.get("parameters", {}).items()],
-            "fields": item.get("fields", []),
-            "compared": "readings" in item,
-            "errata": item.get("errata", []),
-        }
         for item in setups.list_assumptions()
         if piece == next(k for k, of in CHAPTER_SUBJECTS.items() if {*of} & {*item["subjects"]})
     ]
