@@ -145,7 +145,7 @@ def read_checks(path: Path) -> dict[str, Any]:
         if case.find("failure") is not None or case.find("error") is not None:
             failed.add(test)
         for found in case.iterfind(".//property[@name='conforms']"):
-            new = {"test": test, **json.loads(found.get("value", ""))}
+            new = {"file": f"{file}.py", "test": test, **json.loads(found.get("value", ""))}
             old = checks.get((test, new["line"]), {**new, "count": 0})
             worst = max(old, new, key=lambda one: (not one["passed"], one["share"] or 0))
             checks[test, new["line"]] = {**worst, "count": old["count"] + new["count"]}
@@ -160,11 +160,5 @@ def read_checks(path: Path) -> dict[str, Any]:
 def write_conformance(folder: Path, report_path: Path) -> None:
     """Write the tables and their totals into a folder, from a report of pytest."""
     report = read_checks(report_path)
-    files: dict[str, list[dict[str, Any]]] = {}
-    for check in report["checks"]:
-        file, _, name = check["test"].partition("::")
-        check["words"] = name.removeprefix("test_").replace("_", " ").capitalize()
-        check["percent"] = None if check["share"] is None else int(100 * check["share"])
-        files.setdefault(file, []).append(check)
     for piece in CONFORMANCE_PIECES:
-        whole_text(folder / f"{piece}.md", render(__file__, piece, **report, files=files))
+        whole_text(folder / f"{piece}.md", render(__file__, piece, **report))
