@@ -120,7 +120,7 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
             {str(n): v.values for n, v in cube.variables.items() if v.dims == ("claim",)}
         )
     table = cubes.summarise_errors(cube)
-    if "case" not in cube:
+    if "case" not in cube or table.empty:
         return table
     table = table.rename(columns={"label": "setting", "low": "low_5", "high": "high_95"})
     shape = cube.sizes["setting"], cube.sizes["mode"]
