@@ -19,7 +19,7 @@ from thesis_lib.measure.feasibility.prediction import CameraPrediction, Predicte
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS, format_message
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
-from thesis_lib.templates import join_words
+from thesis_lib.templates import join_words, render
 from thesis_lib.text import format_share
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.web.html import render_lines
@@ -35,13 +35,6 @@ MAX_MODES = 100  # natural frequencies among which these are searched
 MIN_MODE_RATIO = 1.2  # of the driven frequency, from which a natural one is that of another mode
 TEXT_COLUMNS = 100
 TABLE_HEADER = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
-TABLE_LEGEND = (
-    "mm/px: length that a pixel spans on the structure; size, gap: axes of a marker's image, and "
-    "the least room between two; motion: most that deflection moves an image; blur: most that it "
-    "moves in an exposure; lost: amplitude that this takes; sharp: depths in focus; depths: of the "
-    "markers; view: markers that stay in the image; spacings: most that a marker moves from frame "
-    "to frame, in spacings of markers"
-)
 
 
 @dataclass(frozen=True)
@@ -317,32 +310,25 @@ def describe_assessment(assessment: Assessment) -> list[str]:
     ]
     widest, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
     widest = min(widest, max(6, TEXT_COLUMNS - sum(widths) - 2 * len(widths)))
-    lines = []
+    table = []
     for name, *cells in rows:
         short = name if len(name) <= widest else f"{name[: widest - 1]}…"
-        lines.append("  ".join([short.ljust(widest), *map(str.rjust, cells, widths)]))
-    lines += textwrap.wrap(TABLE_LEGEND, TEXT_COLUMNS)
-    rig = assessment.rig
-    lines += ["", f"{'standard error of the deflection, mm':<52}{'rms':>10}{'worst':>10}"]
-    for what, values in (
-        (f"one frame, centres that scatter {rig.noise_px:g} px", rig.one_frame),
-        (f"harmonic fit of {rig.steady_interval_s:g} s, {rig.frames} frames", rig.fit),
-        ("whole-pixel centres, one frame near a maximum", rig.rounding),
-    ):
-        lines.append(f"  {what:<50}{_format_known(values[0]):>10}{_format_known(values[1]):>10}")
-    smallest = _format_known(rig.smallest_mm)
-    lines.append(f"{'smallest deflection, noise of centres alone, mm':<62}{smallest:>10}")
+        table.append("  ".join([short.ljust(widest), *map(str.rjust, cells, widths)]))
     same: dict[tuple[str, ...], list[str]] = {}
-    for one in assessment.warnings:
-        same.setdefault((one.code, one.text, one.where.split("]")[-1]), []).append(one.where)
-    notes = []
-    for (code, text, _), where in same.items():
-        more = f" and {len(where) - 1} more" if len(where) > 1 else ""
-        notes.append(f"warning: {where[0]}{more}: {text} [{code}]")
-    notes += [f"not checked: {line}" for line in assessment.unknown]
-    for note in notes:
-        lines += textwrap.wrap(note, TEXT_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
-    return lines
+    for warning in assessment.warnings:
+        key = warning.text, warning.code, warning.where.split("]")[-1]
+        same.setdefault(key, []).append(warning.where)
+    wrapper = textwrap.TextWrapper(TEXT_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
+    text = render(
+        __file__,
+        "assessment.txt.j2",
+        table="\n".join(table),
+        rig=assessment.rig,
+        warnings=same.items(),
+        unknown=assessment.unknown,
+        wrapped=wrapper.fill,
+    )
+    return text.splitlines()
 
 
 def describe_verdict(assessment: Assessment) -> list[str]:
