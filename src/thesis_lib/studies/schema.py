@@ -37,13 +37,14 @@ class Variable:
     """Meaning and unit of a variable's values."""
 
     dims: tuple[str, ...]
-    units: str  #: "1" if it has none
+    units: str  #: "1" if it has none; "name" of names, to which a file gives none
     long_name: str
 
     @property
     def attributes(self) -> dict[str, str]:
         """As they stand in a file."""
-        return {"units": self.units, "long_name": self.long_name}
+        units = {} if self.units == "name" else {"units": self.units}
+        return units | {"long_name": self.long_name}
 
     def label(self, values: Any, over: Iterable[str] = ()) -> tuple[tuple[str, ...], Any, Any]:
         """Return values with their dimensions, after those of `over`, and attributes."""

@@ -22,7 +22,6 @@ from thesis_lib.measure.tracking.tracks import Recording, share_lost
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.motion import Component, fold_frequency, list_aliases
 from thesis_lib.vibration.structure import Beam, Plate, resonance_frequency
-from thesis_lib.vision.pinhole import Camera
 from thesis_lib.vision.simulation import assurance_criterion
 
 BENDING_MODES, TORSION_MODES, PLATE_MODES = 6, 3, 12  # modes of each kind that are tried
@@ -118,15 +117,6 @@ def compare_modes(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any],
         "mean_error": known_rms(error),
     }
     return values, best.name if best else ""
-
-
-def result_coordinates(cameras: Sequence[Camera], modes: Sequence[Candidate]) -> dict[str, Any]:
-    """Return the coordinates of a result: names of cameras, axes, and modes of the model."""
-    return {
-        "camera": ("camera", [c.name for c in cameras], {"long_name": "camera"}),
-        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
-        "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
-    }
 
 
 def known_rms(values: Array) -> float:
@@ -264,9 +254,10 @@ def shape_result(
     }
     modes = candidate_modes(manifest.structure)
     beside, best = compare_modes(shape, modes)
+    names = {"camera": [c.name for c in cameras], "axis": list("xyz")}
+    names["candidate"] = [mode.name for mode in modes]
     attrs = {"most_similar": best, "sound": excitation.sound}
-    coords = result_coordinates(cameras, modes)
-    data = xr.Dataset(label_values(values | beside, VARIABLES), coords, attrs)
+    data = xr.Dataset(label_values(values | beside | names, VARIABLES), attrs=attrs)
     if covariance is None:
         return data
     rows = errors.common_errors([fit], markers, [omega], exposures, covariance)[:, 0]

@@ -315,9 +315,11 @@ def modes_result(
         "mac": np.reshape([one["mac"] for one in compared], (len(shape), len(models))),
         "model_frequency": [model.frequency for model in models],
         "reference_deflection": [one["reference_deflection"] for one in compared],
+        "camera": [own.camera.name for own in recordings],
+        "axis": list("xyz"),
+        "candidate": [model.name for model in models],
     }
-    coords = result.result_coordinates([own.camera for own in recordings], models)
-    data = found.assign(label_values(values, VARIABLES)).assign_coords(coords)
+    data = found.assign(label_values(values, VARIABLES))
     data = data[[*VARIABLES]]  # in this order in files, too
     if covariance is None:
         return data

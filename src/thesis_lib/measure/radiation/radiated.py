@@ -17,7 +17,7 @@ all.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -247,21 +247,16 @@ def radiate_sound(
                 "left_by_noise": np.array(noise / whole),
             }
         )
-    values = {name: np.array([one[name] for one in told]) for name in told[0]}
+    values: dict[str, Any] = {name: np.array([one[name] for one in told]) for name in told[0]}
     if any(tone.decay for tone in tones):
         values |= _of_decays(tones, values["power"], values["power_error"])
     bands = group_octaves(values["frequency"])
     within = [shapes.part(places[band].ravel()) for band in bands.values()]
     values |= _of_bands([*bands.values()], within, ways, rows)
-    values |= {"place": points.T, "u": planes[0].u, "z": planes[0].z}
-    values["area"] = np.array(surface.area)
-    coords = {
-        "plane": ("plane", [plane.name for plane in planes], {"long_name": "plane"}),
-        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
-        "band": ("band", list(bands), {"long_name": "all tones, or nominal centre of an octave"}),
-    }
+    values |= {"place": points.T, "u": planes[0].u, "z": planes[0].z, "area": surface.area}
+    values |= {"plane": [plane.name for plane in planes], "axis": list("xyz"), "band": list(bands)}
     own = {name: one for name, one in VARIABLES.items() if name in values}
-    data = xr.Dataset(label_values(values, own), coords)
+    data = xr.Dataset(label_values(values, own))
     return data.set_coords(["frequency", "place", "u", "z"])
 
 

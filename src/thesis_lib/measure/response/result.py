@@ -251,18 +251,16 @@ def estimate_response(
         "filmed": filmed,
         "sweep": [sweep.from_hz, sweep.to_hz] if sweep else [np.nan, np.nan],
         "sweep_duration": sweep.duration_s if sweep else np.nan,
+        "camera": [own.camera.name for own in recordings],
+        "estimator": list(ESTIMATORS),
+        "frequency": cut.frequency,
+        "time": times,
+        "force_time": fine,
+        "marker": np.arange(1, len(apart) + 1),
+        "axis": list("xyz"),
     }
-    clock = "time on the first camera's clock"
-    coords = {
-        "camera": ("camera", [own.camera.name for own in recordings], {"long_name": "camera"}),
-        "estimator": ("estimator", list(ESTIMATORS), {"long_name": "estimator"}),
-        "frequency": ("frequency", cut.frequency, {"units": "Hz", "long_name": "frequency"}),
-        "time": ("time", times, {"units": "s", "long_name": clock}),
-        "force_time": ("force_time", fine, {"units": "s", "long_name": f"force's {clock}"}),
-        "marker": ("marker", np.arange(1, len(apart) + 1), {"long_name": "number of the marker"}),
-        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
-    }
-    data = xr.Dataset(label_values(values, VARIABLES), coords, {"force_source": force.source})
+    attrs = {"force_source": force.source}
+    data = xr.Dataset(label_values(values, VARIABLES), attrs=attrs)
     data = data[[*VARIABLES]]  # in this order in files, too
     return data.sel(frequency=slice(low, high))
 
