@@ -22,12 +22,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, IntArray, Mask
-from thesis_lib.measure.calibration.bundle_adjustment import (
-    Adjustment,
-    CalibrationError,
-    adjust_bundle,
-    planar_pose,
-)
+from thesis_lib.measure.calibration import bundle_adjustment as bundle
+from thesis_lib.measure.calibration.bundle_adjustment import CalibrationError
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import Manifest, shot_paths
@@ -349,7 +345,7 @@ def adjust_cameras(
     folder: Path,
     tick: Callable[[], object] = lambda: None,
     lenses: Sequence[Camera] = (),
-) -> tuple[Array, list[str], list[Calibration], Adjustment]:
+) -> tuple[Array, list[str], list[Calibration], bundle.Adjustment]:
     """Adjust all cameras together to the board's corners; call `tick` once per image.
 
     With `lenses` of the cameras these are kept, and only their places are found.
@@ -410,10 +406,10 @@ def adjust_cameras(
     cameras = [one.camera() for one in single]
     used = corners[:, seen]
     points = board.corners_in_images(used)
-    full = adjust_bundle(used, points, cameras, lenses=not lenses)
+    full = bundle.adjust_bundle(used, points, cameras, lenses=not lenses)
     alone = float(np.sqrt(np.mean(np.square([one.rms for one in single]))))
     if not lenses and full.rms / alone > MAX_CONTRADICTION:
-        full = adjust_bundle(used, points, cameras, lenses=False)
+        full = bundle.adjust_bundle(used, points, cameras, lenses=False)
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)
@@ -438,7 +434,7 @@ def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Ca
     rotations, translations = _unseen_poses(len(shots))
     for shot, uv in enumerate(shots):
         if uv is not None:
-            rotations[shot], translations[shot] = planar_pose(lens, board.corners, uv)
+            rotations[shot], translations[shot] = bundle.planar_pose(lens, board.corners, uv)
     size, unknown = lens.size, np.full(4, np.nan)
     return Calibration(
         lens.name, size, lens.K, lens.distortion, rotations, translations, np.nan, unknown

@@ -20,14 +20,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.measure.fitting import harmonics
 from thesis_lib.measure.fitting.errors import in_plane, in_plane_excess, restore_scatter
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
-from thesis_lib.measure.fitting.harmonics import (
-    Fitted,
-    Harmonics,
-    amplitude_std,
-    deflection_amplitude,
-)
 from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
@@ -154,7 +149,7 @@ class Shape:
     excess: float  #: Motion in the plane over what the scatter explains; `deviation` holds it
     turn: Array  #: Phase by which each camera lags behind the first, rad, shape (cameras,)
     turn_deviation: Array  #: Its standard error, rad
-    fit: Fitted  #: What it was triangulated from; rows and exposures took no time
+    fit: harmonics.Fitted  #: What it was triangulated from; rows and exposures took no time
 
 
 def blur_factor(rate: Array, exposure: float) -> complex:
@@ -163,7 +158,9 @@ def blur_factor(rate: Array, exposure: float) -> complex:
     return complex(np.sinh(half) / half) if half else 1.0 + 0j
 
 
-def mode_images(track: Track, block: fits.TrackBlock, poles: fits.Poles) -> list[Harmonics]:
+def mode_images(
+    track: Track, block: fits.TrackBlock, poles: fits.Poles
+) -> list[harmonics.Harmonics]:
     """Return each mode in one camera's images, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
     B = fits.pole_columns(block.times, poles.rates)
@@ -183,7 +180,7 @@ def mode_images(track: Track, block: fits.TrackBlock, poles: fits.Poles) -> list
         spread = np.zeros((3, 3, 2, markers))
         spread[1, 1] = spread[2, 2] = part * np.abs(factor) ** 2
         value = np.stack([np.zeros_like(a.real), a.real, -a.imag])
-        found.append(Harmonics(value, spread, np.where(clear, sigma, np.nan)))
+        found.append(harmonics.Harmonics(value, spread, np.where(clear, sigma, np.nan)))
     return found
 
 
@@ -201,12 +198,12 @@ def estimate_shapes(
             restore_scatter(one[k].raised(images_at), rest.places)[0]
             for one, images_at in zip(seen, np.nan_to_num(rest.images), strict=True)
         ]
-        fit = Fitted(cameras, own, rest.images, rest.frame)
+        fit = harmonics.Fitted(cameras, own, rest.images, rest.frame)
         moved, allowed = in_plane(fit, omega, still, rest.places, rest.thickness)
         more = in_plane_excess(moved, allowed)
-        error = amplitude_std(fit, omega, still) * max(np.nan_to_num(more), 1.0)
+        error = harmonics.amplitude_std(fit, omega, still) * max(np.nan_to_num(more), 1.0)
         turn, turn_error = phase_lags(fit, omega, still)
-        along = deflection_amplitude(fit, omega, still)
+        along = harmonics.deflection_amplitude(fit, omega, still)
         found.append(Shape(along, error, more, turn, turn_error, fit))
     return found
 

@@ -34,11 +34,7 @@ from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Force, Sweep
-from thesis_lib.measure.synchronisation.audio import (
-    AudioSource,
-    SynchronisationError,
-    common_rate,
-)
+from thesis_lib.measure.synchronisation import audio
 from thesis_lib.measure.synchronisation.drift import COMPARED_RATE_HZ, beside_first
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
@@ -137,13 +133,13 @@ def read_force(
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     """Read times in s and forces in N of a sound file, at the lowest rate above one in Hz."""
     assert given.full_scale_n is not None
-    with AudioSource("the force", path, given.channel).opened() as file:
+    with audio.AudioSource("the force", path, given.channel).opened() as file:
         if file.clipped >= MIN_CLIPPED_SAMPLES:
             raise ForceError(
                 f"{path}: channel {given.channel} is clipped ({file.clipped} samples at full "
                 "scale), allowed: none; turn its gain down"
             )
-        low = common_rate([file.rate], wanted)
+        low = audio.common_rate([file.rate], wanted)
         values = np.concatenate([np.empty(0), *low.reduce(file.blocks, file.rate)])
     times = file.start + low.cut + np.arange(len(values)) / low.rate
     return times, values * given.full_scale_n
@@ -159,14 +155,14 @@ def _clock(
     for camera, delay, pace in zip(manifest.cameras, delays, paces, strict=True):
         if (folder / camera.video).resolve() == path.resolve():
             return Clock(float(delay), 0.0, pace)
-    channel = given.sound_channel or given.channel
-    both = AudioSource(first.name, folder / first.video), AudioSource("the force", path, channel)
+    one = audio.AudioSource(first.name, folder / first.video)
+    other = audio.AudioSource("the force", path, given.sound_channel or given.channel)
     try:
-        found = beside_first(both, {1: None})[1]
-    except SynchronisationError:
+        found = beside_first((one, other), {1: None})[1]
+    except audio.SynchronisationError:
         raise ForceError(
-            f"{path}: no sound in channel {channel} matches that of camera {first.name} beyond "
-            "doubt; record a microphone beside the force and name its channel as "
+            f"{path}: no sound in channel {other.channel} matches that of camera {first.name} "
+            "beyond doubt; record a microphone beside the force and name its channel as "
             "force.sound_channel, or give force.offset_s"
         ) from None
     if not np.isfinite(found.delay_deviation):

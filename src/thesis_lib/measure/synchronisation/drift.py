@@ -17,14 +17,7 @@ import numpy as np
 from scipy.signal import oaconvolve
 
 from thesis_lib.arrays import Array, IntArray, Signal
-from thesis_lib.measure.synchronisation import delays as matching
-from thesis_lib.measure.synchronisation.audio import (
-    SPAN_SAMPLES,
-    AudioSource,
-    SynchronisationError,
-    common_rate,
-    part_of,
-)
+from thesis_lib.measure.synchronisation import audio, delays as matching
 
 WINDOW_S = 1.0  # s of a window
 HOP_S = 0.005  # s of a step of loudness
@@ -232,7 +225,7 @@ MIN_DECIDING_WINDOWS = 6  # windows that decide alone; unlike sounds had four at
 
 
 def beside_first(
-    recordings: Sequence[AudioSource], others: Mapping[int, float | None]
+    recordings: Sequence[audio.AudioSource], others: Mapping[int, float | None]
 ) -> dict[int, Drift]:
     """Find start and clock of each of the `others` beside the first recording.
 
@@ -264,9 +257,9 @@ def beside_first(
     return found
 
 
-def unmatched_error(name: str, first: str) -> SynchronisationError:
+def unmatched_error(name: str, first: str) -> audio.SynchronisationError:
     """Return the refusal of a sound that matches nothing in the first one."""
-    return SynchronisationError(
+    return audio.SynchronisationError(
         f"{name}: no sound in it matches that of {first} beyond doubt; clap a few times where all "
         "cameras hear it, within a minute of the first one's start"
     )
@@ -275,18 +268,18 @@ def unmatched_error(name: str, first: str) -> SynchronisationError:
 class _Tracks:
     """Sounds of recordings at one rate, the first of which and one other are held at a time."""
 
-    def __init__(self, recordings: Sequence[AudioSource], *, stated: bool) -> None:
+    def __init__(self, recordings: Sequence[audio.AudioSource], *, stated: bool) -> None:
         """Take time by the rates that the files state, from the first sample on, or by stamps."""
         self.recordings = recordings
         #: Seconds of the time stamps for one of the samples at the stated rate
         self.paces: list[float] = []
         self.rates, starts = [], []
         for recording in recordings:
-            with recording.opened() as audio:
-                self.paces.append(audio.stated_rate / audio.rate)
-                self.rates.append(audio.stated_rate if stated else audio.rate)
-                starts.append(0.0 if stated else audio.start)
-        self.low = common_rate(self.rates, COMPARED_RATE_HZ)
+            with recording.opened() as track:
+                self.paces.append(track.stated_rate / track.rate)
+                self.rates.append(track.stated_rate if stated else track.rate)
+                starts.append(0.0 if stated else track.start)
+        self.low = audio.common_rate(self.rates, COMPARED_RATE_HZ)
         self.rate = self.low.rate
         self.starts = [start + self.low.cut for start in starts]  #: Of the first samples, s
         self._read: dict[int, Signal] = {}
@@ -295,9 +288,9 @@ class _Tracks:
         """Read the sound of a recording."""
         if k not in self._read:
             self._read = {i: one for i, one in self._read.items() if i == 0}
-            with self.recordings[k].opened() as audio:
-                low = self.low.reduce(audio.blocks, self.rates[k])
-                part = part_of(low, 0, round(MAX_COMPARED_S * self.rate))
+            with self.recordings[k].opened() as track:
+                low = self.low.reduce(track.blocks, self.rates[k])
+                part = audio.part_of(low, 0, round(MAX_COMPARED_S * self.rate))
                 blocks = [np.asarray(block, np.float32) for block in part]
             self._read[k] = np.concatenate([np.empty(0, np.float32), *blocks])
         return self._read[k]
@@ -315,7 +308,7 @@ def _find_start(tracks: _Tracks, k: int) -> Drift | None:
     if min(len(one), len(other)) <= 2 * matching.WHITENING_BINS:
         return None
     loud, is_clear = _match_loudness(one, other, rate)
-    room = matching.room_match(one[:SPAN_SAMPLES], other[:SPAN_SAMPLES], rate)
+    room = matching.room_match(one[: audio.SPAN_SAMPLES], other[: audio.SPAN_SAMPLES], rate)
     delays = loud
     if room.certain:
         apart = [delay for delay in loud if abs(delay - room.delay) > MIN_PEAK_DISTANCE_S]

@@ -17,17 +17,7 @@ from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.tracking import homography
-from thesis_lib.measure.tracking.tracker import (
-    EDGE_STD_PX,
-    MAX_POOR_SHARE,
-    NOISE_GREY,
-    Patch,
-    Tracker,
-    blur_ellipses,
-    fill_missing,
-    sharpen_view,
-)
+from thesis_lib.measure.tracking import homography, tracker as discs
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera, resize_camera, undistort_pixels
 
 CELLS_PER_PIXEL = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
@@ -38,10 +28,8 @@ CONTRAST_GREY = 100.0
 MAX_GROUND_GREY = 10.0  # grey levels by which the ground may differ from the first frame's
 MOST_LOST = 0.5  # share of the markers, above which a frame does not tell how they moved
 MAX_TABLE_BYTES = 4e8  # bytes of a table
-PRIOR_WEIGHTS = (
-    np.array([NOISE_GREY / MAX_GROUND_GREY, 0, 0, 0, 0, NOISE_GREY / (EDGE_STD_PX * CONTRAST_GREY)])
-    ** 2
-)
+PRIOR_STD = np.array([MAX_GROUND_GREY, *[np.inf] * 4, discs.EDGE_STD_PX * CONTRAST_GREY])
+PRIOR_WEIGHTS = (discs.NOISE_GREY / PRIOR_STD) ** 2
 
 
 class Table:
@@ -70,7 +58,7 @@ class Table:
             raise ValueError("a marker is where the lens shows nothing")
         if 4 * np.prod(shape) * 6 * size > MAX_TABLE_BYTES:
             raise MemoryError(f"a table of {n} markers with {size} pixels each is too large")
-        patch = Patch(view, np.arange(n), plane, ellipses)
+        patch = discs.Patch(view, np.arange(n), plane, ellipses)
         # Ground, structure, disc, its derivatives in u and v, edge, for each marker and cell
         self.columns = np.empty((*shape, 6, size), np.float32)
         self.inverse = np.empty((*shape, 6, 6))
@@ -79,7 +67,7 @@ class Table:
             dv = np.tile(down + HALF_PIXEL - (row + 0.5) / CELLS_PER_PIXEL, (n, 1))
             white, outward = patch.beam(du, dv, np.zeros(n))
             usable = patch.usable(du, dv)
-            parts = [1 - white, white, *blur_ellipses(du, dv, ellipses, view.blur), outward]
+            parts = [1 - white, white, *discs.blur_ellipses(du, dv, ellipses, view.blur), outward]
             model = (np.stack(parts, axis=1) * usable[:, None]).reshape(n, 6, size)
             gram = model @ model.swapaxes(1, 2) + np.diag(PRIOR_WEIGHTS + 1e-6)
             self.columns[:, row, column] = model
@@ -127,7 +115,8 @@ class Table:
                 break
         rms = np.sqrt(np.maximum(squares, 0) / np.maximum(used - 4, 1))
         strayed = (self.radii @ (centre - start).T[:, :, None])[:, :, 0]
-        holds = inside & (rms < MAX_POOR_SHARE * contrast) & (np.linalg.norm(strayed, axis=1) < 1)
+        fits = (rms < discs.MAX_POOR_SHARE * contrast) & (np.linalg.norm(strayed, axis=1) < 1)
+        holds = inside & fits
         holds[left] = False
         median = float(np.median(contrast[inside])) if inside.any() else 0.0
         holds &= contrast > 0.4 * max(median, self.contrast)  # without light nothing holds
@@ -143,7 +132,7 @@ class Follower:
         Displacements in px in the last frame, NaN where missing, and in the one before it.
     """
 
-    def __init__(self, tracker: Tracker, image: Image) -> None:
+    def __init__(self, tracker: discs.Tracker, image: Image) -> None:
         self.tracker, self.view = tracker, tracker.view
         self.table: Table | None
         try:
@@ -166,7 +155,7 @@ class Follower:
         """
         tracker, view, count = self.tracker, self.view, self.view.markers.count
         lost = np.isnan(self.moved[0])
-        moved = fill_missing(self.moved, tracker.grid, self.before)
+        moved = discs.fill_missing(self.moved, tracker.grid, self.before)
         ahead = 2 * np.cos(tracker.turn) * moved - self.before
         uv: Array | None = None
         far = np.maximum(np.hypot(*moved), np.hypot(*self.before))
@@ -194,7 +183,7 @@ def trackers_of(
     corners_px: Sequence[tuple[float, float]] | None,
     turn: float,
     shares: Sequence[float] = (),
-) -> tuple[Sequence[Follower | Tracker], list[str]]:
+) -> tuple[Sequence[Follower | discs.Tracker], list[str]]:
     """Return the trackers of a video's markers, from its first frame, in which markers are dark.
 
     The structure's corners in the image include the lens distortion, and are in the order of
@@ -212,18 +201,18 @@ def trackers_of(
     """
     view, notes = first_view(image, camera, markers, corners_px), []
     if not shares:
-        return [Follower(Tracker(view, turn), image)], []
-    trackers: list[Tracker] = []
+        return [Follower(discs.Tracker(view, turn), image)], []
+    trackers: list[discs.Tracker] = []
     for picture in pictures_of(image, shares):
         height, width = picture.shape
         scale = np.diag([width / camera.size[0], height / camera.size[1], 1.0])
         small = resize_camera(camera, (width, height))
         own = replace(view, camera=small, H_image_plane=scale @ view.H_image_plane)
         try:
-            own = sharpen_view(picture, own)
+            own = discs.sharpen_view(picture, own)
         except homography.TrackingError as error:
             notes.append(f"{width} px: {error}")
-        trackers.append(Tracker(own, turn))
+        trackers.append(discs.Tracker(own, turn))
     return trackers, notes
 
 
@@ -261,11 +250,11 @@ def first_view(
     """
     if corners_px is not None:
         corners = undistort_pixels(camera, np.array(corners_px, float).T)
-        return sharpen_view(image, homography.view_of(camera, markers, corners))
+        return discs.sharpen_view(image, homography.view_of(camera, markers, corners))
     failures: list[homography.TrackingError] = []
     for even in homography.even_light(image):
         try:
-            return sharpen_view(image, homography.find_view(even, camera, markers))
+            return discs.sharpen_view(image, homography.find_view(even, camera, markers))
         except homography.TrackingError as error:
             failures.append(error)
         if markers.hole is None:  # nothing tells the ends apart in any light
