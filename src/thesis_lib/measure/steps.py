@@ -10,9 +10,7 @@ from tqdm import tqdm
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import mark_cache
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, camera_deviations
-from thesis_lib.measure.calibration.rig import adjust_cameras, cameras_in, single_threaded_opencv
-from thesis_lib.measure.calibration.uncertainty import jackknife_rig
+from thesis_lib.measure.calibration import bundle_adjustment as bundle, rig, uncertainty
 from thesis_lib.measure.recordings.manifest import Manifest, shot_paths
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays
@@ -52,8 +50,8 @@ def calibrate_rig(
     def compute_calibration() -> xr.Dataset:
         say(f"calibrating from {len(shots)} images of the board")
         with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
-            corners, lost, single, full = adjust_cameras(manifest, folder, bar.update, lenses)
-        jackknifed = jackknife_rig(corners, manifest.board.board, full, lens_covariance)
+            corners, lost, single, full = rig.adjust_cameras(manifest, folder, bar.update, lenses)
+        jackknifed = uncertainty.jackknife_rig(corners, manifest.board.board, full, lens_covariance)
         used = np.isfinite(corners).any(axis=(2, 3))
         poses = ("K", "distortion", "R_camera_world", "centre", "size")
         values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
@@ -78,9 +76,9 @@ def calibrate_rig(
     )
 
 
-def _centre_deviations(adjustment: Adjustment) -> Array:
+def _centre_deviations(adjustment: bundle.Adjustment) -> Array:
     """Return the standard deviation of each camera's centre of projection, m."""
-    return np.linalg.norm(camera_deviations(adjustment, adjustment.covariance)[0], axis=1)
+    return np.linalg.norm(bundle.camera_deviations(adjustment, adjustment.covariance)[0], axis=1)
 
 
 def read_sound(
@@ -116,7 +114,7 @@ def track_markers(
     With `shares` in frames reduced to these shares of their width, see
     :func:`thesis_lib.measure.tracking.tracks.record_track`.
     """
-    markers, cameras = markers_of(manifest), cameras_in(calibration)
+    markers, cameras = markers_of(manifest), rig.cameras_in(calibration)
     frequency = float(np.nan_to_num(sound["frequency"]))
     seen = {"length_mm", "width_mm", "markers"}
     visible = manifest.structure.model_dump(mode="json", include=seen)
@@ -158,7 +156,7 @@ def track_markers(
 
     total = sum(map(len, clocks))
     with (
-        single_threaded_opencv(),
+        rig.single_threaded_opencv(),
         tqdm(total=total, unit="frame", desc="tracking", disable=None, leave=False) as bar,
     ):
         return workers.map_in_pairs(track_camera, range(len(clocks)), stop.set)

@@ -9,10 +9,7 @@ import xarray as xr
 from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ArrayLike
-from thesis_lib.measure.fitting import result
-from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
-from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
-from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
+from thesis_lib.measure.fitting import errors, harmonics, reconstruction, result
 from thesis_lib.measure.modes import poles as fits, shapes as motions
 from thesis_lib.measure.modes.poles import Poles, TrackBlock
 from thesis_lib.measure.modes.shapes import Rest, Track
@@ -46,7 +43,7 @@ class Asked:
 
 def identify_modes(
     tracks: Sequence[Track], rest: Rest, asked: Asked
-) -> tuple[xr.Dataset, list[Fitted]]:
+) -> tuple[xr.Dataset, list[harmonics.Fitted]]:
     """Identify the modes in the tracks of every camera, in the order of their frequencies.
 
     The tracks last from the begin to the end of what is fitted: of steady tones, or of a free
@@ -97,7 +94,7 @@ def identify_modes(
             noise.append(fits.residual_scatter(block, B, fits.fit_known(B, block)[0]))
         if turn == OUTLIER_ROUNDS:
             break
-        more, errors = motions.camera_lags(found, poles)
+        more, lag_deviation = motions.camera_lags(found, poles)
         span = fits.span_of(blocks)
         middle = zero + span / 2  # about which clocks are slower
         if turn:  # the first fit may rest on outliers
@@ -146,7 +143,7 @@ def identify_modes(
         "zero": zero,
         "noise": np.nanmedian(np.concatenate(noise)),
         "lag": late,
-        "lag_deviation": errors,
+        "lag_deviation": lag_deviation,
         "pace": 1 / pace - 1,
         "left_out": 1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in whole]) / seen,
     }
@@ -292,7 +289,7 @@ def modes_result(
     asked = Asked(band, sought.count, decays, sought.near_hz or ())
     found, images = identify_modes(seen, rest, asked)
     amplitude = found["amplitude_real"].values + 1j * found["amplitude_imag"].values
-    turns = np.exp([[-1j * common_phase(own)] for own in amplitude])
+    turns = np.exp([[-1j * harmonics.common_phase(own)] for own in amplitude])
     shape = amplitude * turns
     models = result.candidate_modes(manifest.structure)
     compared = [result.compare_modes(own, models)[0] for own in shape.real]
@@ -325,16 +322,17 @@ def modes_result(
         return data
     still = np.zeros(len(recordings))  # of exposures, which the fits are free of
     omegas = 2 * np.pi * found["frequency"].values * np.sqrt(1 - found["damping"].values ** 2)
-    rows = common_errors(images, markers_of(manifest), omegas.tolist(), still, covariance)
-    return with_common_errors(data, rows, turns)
+    rows = errors.common_errors(images, markers_of(manifest), omegas.tolist(), still, covariance)
+    return errors.with_common_errors(data, rows, turns)
 
 
 def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Rest:
     """Return the markers at rest."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
-    still = np.array([at_rest(own, manifest.excitation.rest_duration_s) for own in recordings])
-    frame = check_frame(cameras, still, markers)
-    points, _ = triangulate_seen(projection_matrices(cameras), still)
+    seconds = manifest.excitation.rest_duration_s
+    still = np.array([harmonics.at_rest(own, seconds) for own in recordings])
+    frame = reconstruction.check_frame(cameras, still, markers)
+    points, _ = reconstruction.triangulate_seen(projection_matrices(cameras), still)
     thick = manifest.structure.thickness_mm / 1000
     return Rest(still, frame, points, markers.centres, thick)
 

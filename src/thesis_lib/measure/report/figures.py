@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image, Mask
-from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX
-from thesis_lib.measure.feasibility.prediction import predict_errors, view_markers
+from thesis_lib.measure.feasibility import assess, prediction
 from thesis_lib.measure.modes.poles import STANDS_OUT
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.board import on_surface
@@ -308,8 +307,8 @@ def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
     A ManifestError says that fewer than two cameras have a lens and a place.
     """
     with np.errstate(all="ignore"):  # what is not given is NaN
-        view = view_markers(manifest, 0.0)
-        _, fit, _ = predict_errors(manifest, view, np.nan, CENTRE_NOISE_PX)
+        view = prediction.view_markers(manifest, 0.0)
+        _, fit, _ = prediction.predict_errors(manifest, view, np.nan, assess.CENTRE_NOISE_PX)
     there = view.located
     if there.sum() < 2:
         raise ManifestError(

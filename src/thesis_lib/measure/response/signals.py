@@ -28,14 +28,12 @@ from scipy.signal import ShortTimeFFT, welch
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
-from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS
-from thesis_lib.measure.fitting.reconstruction import triangulate_seen
+from thesis_lib.measure.fitting import frequency as clocks, reconstruction
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Force, Sweep
-from thesis_lib.measure.synchronisation import audio
-from thesis_lib.measure.synchronisation.drift import COMPARED_RATE_HZ, beside_first
+from thesis_lib.measure.synchronisation import audio, drift
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
 
@@ -158,7 +156,7 @@ def _clock(
     one = audio.AudioSource(first.name, folder / first.video)
     other = audio.AudioSource("the force", path, given.sound_channel or given.channel)
     try:
-        found = beside_first((one, other), {1: None})[1]
+        found = drift.beside_first((one, other), {1: None})[1]
     except audio.SynchronisationError:
         raise ForceError(
             f"{path}: no sound in channel {other.channel} matches that of camera {first.name} "
@@ -166,7 +164,7 @@ def _clock(
             "force.sound_channel, or give force.offset_s"
         ) from None
     if not np.isfinite(found.delay_deviation):
-        return Clock(found.delay, 1 / COMPARED_RATE_HZ)
+        return Clock(found.delay, 1 / drift.COMPARED_RATE_HZ)
     pace = 1 - found.drift if abs(found.drift) > 2 * found.drift_deviation else 1.0
     middle = float(found.times.mean())  # where the line is best known
     return Clock(found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace)
@@ -270,7 +268,7 @@ def estimate_deflections(
             undistorted_images(own, rest.images[k], at, repeated)
             for k, own in enumerate(recordings)
         ]
-        points, _ = triangulate_seen(P, np.array(seen) - off[:, :, None])
+        points, _ = reconstruction.triangulate_seen(P, np.array(seen) - off[:, :, None])
         along, across, normal = rest.frame.to_beam(points) - still[:, None]
         with np.errstate(invalid="ignore"):
             found.append(np.where(np.hypot(along, across) > aside, np.nan, normal))
@@ -402,8 +400,8 @@ def _line(
         values, squares, *_ = np.linalg.lstsq(A, late[there] / error[there], rcond=None)
         spread = max(float(np.sum(squares)) / max(len(fit) - order - 1, 1), 1.0)
         deviation = np.sqrt(spread * np.diag(np.linalg.inv(A.T @ A)))
-        least = LEAST_TURN / (2 * np.pi * highest) / np.array([1, seconds / 2])[: order + 1]
-        certain = np.abs(values) > np.maximum(MIN_CLOCK_SIGMAS * deviation, least)
+        least = clocks.LEAST_TURN / (2 * np.pi * highest) / np.array([1, seconds / 2])[: order + 1]
+        certain = np.abs(values) > np.maximum(clocks.MIN_CLOCK_SIGMAS * deviation, least)
         if order == 0 or certain[1]:
             sure = np.where(certain, values, 0.0)
             found = float(sure[0]), float(sure[1]) if order else 0.0
