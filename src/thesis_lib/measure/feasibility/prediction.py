@@ -3,6 +3,7 @@
 A draft, of telephones around a structure, is made before anything is recorded.
 """
 
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -270,15 +271,8 @@ def _by_view(
     return result
 
 
-PHONE_CAMERA: dict[str, Any] = {  # a telephone's main camera, as if on a sensor of 36 mm
-    "width_px": 1920,
-    "height_px": 1080,
-    "frame_rate_hz": 60.0,
-    "exposure_s": 0.002,
-    "focal_length_mm": 26.0,
-    "sensor_width_mm": 36.0,
-    "f_number": 7.0,
-}
+_PHONE_FILE = Path(__file__).with_name("phone.toml")
+PHONE_CAMERA = tomllib.loads(_PHONE_FILE.read_text(encoding="utf-8"))
 FIRST_AZIMUTH_DEG, ELEVATION_DEG = 20.0, 30.0  # of the first camera, of all
 DISTANCE_MARGIN = 1.05  # over the distance from which the structure just fits into every image
 MARKER_COLUMNS, MARKER_ROWS = 6, 4  # of a plate's markers, unless they are given
