@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +22,9 @@ from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.plotting.style import cycle_color, drawable_names
 from thesis_lib.text import RefusedError
 
-PAGE_SIZES_MM = {  # mm, upright
-    "A4": (210.0, 297.0),
-    "A3": (297.0, 420.0),
-    "A2": (420.0, 594.0),
-    "A1": (594.0, 841.0),
-    "A0": (841.0, 1189.0),
-    "letter": (215.9, 279.4),
-    "tabloid": (279.4, 431.8),
-}
+ISO_SIDES_MM = (210.0, 297.0, 420.0, 594.0, 841.0, 1189.0)  # mm, of A4 to A0
+PAGE_SIZES_MM = {f"A{4 - k}": sides for k, sides in enumerate(pairwise(ISO_SIDES_MM))}  # upright
+PAGE_SIZES_MM |= {"letter": (215.9, 279.4), "tabloid": (279.4, 431.8)}
 BORDER_MM = 6.0  # mm along a page's edge that printers leave blank
 STRIP_MM = 16.0  # mm at the foot of a page for ruler and words
 RULER_MM = 100.0  # mm

@@ -1,7 +1,7 @@
 """Figures of a measurement: shape, cameras, residuals, modes, response; and data they draw."""
 
 from collections.abc import Sequence
-from itertools import compress, zip_longest
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import Array, Image, Mask
+from thesis_lib.arrays import Array, Image, Mask, stack_padded
 from thesis_lib.measure.feasibility import assess, prediction
 from thesis_lib.measure.modes.poles import STANDS_OUT
 from thesis_lib.measure.radiation.radiated import complex_of
@@ -53,8 +53,8 @@ def collect_diagnostics(
         "found": [own.centres[0] for own in recordings],
         "outline": [project_points(own.camera, corners) for own in recordings],
         "track_side": sides,
-        "track_time": np.array([*zip_longest(*times, fillvalue=np.nan)]).T,
-        "track": np.array([*zip_longest(*tracks, fillvalue=np.nan)]).T,
+        "track_time": stack_padded(times),
+        "track": stack_padded(tracks),
         "residual": moved["residual"].values,
     }
     places = {"camera": data["camera"], "time": moved["time"]}
