@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from scipy.stats import chi2
 
-from thesis_lib.arrays import Array, ArrayLike
+from thesis_lib.arrays import Array, ArrayLike, stack_padded
 from thesis_lib.measure.fitting import errors, harmonics, reconstruction, result
 from thesis_lib.measure.modes import poles as fits, shapes as motions
 from thesis_lib.measure.modes.poles import Poles, TrackBlock
@@ -119,7 +119,6 @@ def identify_modes(
     amplitude = np.array([one.amplitude for one in found])
     turned = np.array([one.turn for one in found])
     before = fits.residual_spectrum(blocks, np.empty((0, 2)), asked.band)
-    largest = max(len(own.frequency) for own in orders)
     values: dict[str, Any] = {
         "amplitude_real": amplitude.real,
         "amplitude_imag": amplitude.imag,
@@ -129,8 +128,8 @@ def identify_modes(
         "out_of_step": np.degrees(np.nanmax(np.abs(turned), axis=1)),
         "rival": [hertz for hertz, _ in next_best],
         "rival_out_of_step": np.degrees([phase for _, phase in next_best]),
-        "order_frequency": [_pad(own.frequency, own.frequency, largest) for own in orders],
-        "order_damping": [_pad(own.damping, own.frequency, largest) for own in orders],
+        "order_frequency": stack_padded(np.sort(own.frequency) for own in orders),
+        "order_damping": stack_padded(own.damping[np.argsort(own.frequency)] for own in orders),
         "line": before.frequency,
         "before": before.power,
         "after": after.power,
@@ -351,7 +350,3 @@ def fit_window(
         moved = np.nanmedian(np.abs(uv - np.nanmedian(uv, axis=0)), axis=(1, 2))
         largest.append(times[int(np.nanargmax(moved))] + abs(own.readout) + own.exposure)
     return float(np.median(largest)), end
-
-
-def _pad(values: Array, by: Array, length: int) -> Array:
-    return np.pad(values[np.argsort(by)], (0, length - len(values)), constant_values=np.nan)

@@ -120,9 +120,8 @@ def write_gif(path: Path, frames: list[Frame], rate: float) -> None:
     """Write frames as a GIF that goes on for ever."""
     plain = Pictures.Dither.NONE
     first, *others = [Pictures.fromarray(one).quantize(128, dither=plain) for one in frames]
-    how: dict[str, Any] = {"duration": round(1000 / rate), "loop": 0, "optimize": False}
-    how |= {"save_all": True, "append_images": others}
-    whole_file(path, lambda part: first.save(part, "GIF", **how))
+    how: Any = {"duration": round(1000 / rate), "save_all": True, "append_images": others}
+    whole_file(path, lambda part: first.save(part, "GIF", loop=0, optimize=False, **how))
 
 
 def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:

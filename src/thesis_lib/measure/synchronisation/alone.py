@@ -51,14 +51,10 @@ def _describe_starts(drifts: Sequence[Drift], names: Sequence[str], frame_rate: 
     )
 
 
-def significant_decimals(std: float) -> int:
-    """Return how many decimals show two significant digits of a standard uncertainty."""
-    return max(0, 1 - int(np.floor(np.log10(std))))
-
-
 def _round_to(value: float, std: float, sign: str = "+") -> str:
     """Format a value with the decimals that show two significant digits of its uncertainty."""
-    return f"{value:{sign}.{significant_decimals(std)}f}"
+    decimals = max(0, 1 - int(np.floor(np.log10(std))))
+    return f"{value:{sign}.{decimals}f}"
 
 
 def _format_std(std: float) -> str:
