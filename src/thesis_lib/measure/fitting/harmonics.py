@@ -14,7 +14,6 @@ import numpy as np
 
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.measure.fitting import reconstruction
-from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole
@@ -158,7 +157,7 @@ class Fitted:
     #: Of the tracks (2, markers) of each camera without lens distortion, px
     harmonics: list[Harmonics]
     rest: Array  #: Marker centres at rest without distortion, px, shape (cameras, 2, markers)
-    frame: Frame  #: The structure's frame
+    frame: reconstruction.Frame  #: The structure's frame
 
     @property
     def P(self) -> Array:
@@ -245,7 +244,7 @@ NEAR_CYCLES = np.r_[-8:-1, 2:9]
 def fit_tracks(
     recordings: Sequence[Recording],
     rest: Array,
-    frame: Frame,
+    frame: reconstruction.Frame,
     omega: float,
     begin: float,
     end: float,

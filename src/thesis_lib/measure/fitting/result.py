@@ -12,9 +12,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.fitting import errors, frequency as clocks, harmonics
+from thesis_lib.measure.fitting import errors, frequency as clocks, harmonics, reconstruction
 from thesis_lib.measure.fitting.harmonics import Fitted
-from thesis_lib.measure.fitting.reconstruction import check_frame, check_sides, misfit_at_rest
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.recordings.validation import markers_of
@@ -158,8 +157,8 @@ def shape_result(
     excitation = manifest.excitation
     still_s = excitation.rest_duration_s or end  # if never at rest, their mean place
     rest = np.array([harmonics.at_rest(own, still_s) for own in recordings])
-    frame = check_frame(cameras, rest, markers)
-    check_sides(frame, cameras)
+    frame = reconstruction.check_frame(cameras, rest, markers)
+    reconstruction.check_sides(frame, cameras)
     given = float(sound["frequency"])
     start = given if np.isfinite(given) else clocks.look_for(recordings, begin, end)
     order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
@@ -243,7 +242,7 @@ def shape_result(
         "lag_deviation": lag_errors,
         "jump": [size for size, _ in jumps],
         "jump_time": [when for _, when in jumps],
-        "rest_misfit": misfit_at_rest(cameras, rest),
+        "rest_misfit": reconstruction.misfit_at_rest(cameras, rest),
         "harmonics": order,
         "frames": [np.diff(own.between(begin, end))[0] for own in recordings],
         "grid_rms": frame.rms,

@@ -9,9 +9,8 @@ import pandas as pd
 import xarray as xr
 from scipy.io import wavfile
 
-from thesis_lib.acoustics import estimates
+from thesis_lib.acoustics import estimates, surfaces
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.result import model_of, size_off
 from thesis_lib.measure.radiation import radiated
@@ -53,9 +52,9 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     tones = tones_of(several)
     highest = max(tone.omega for tone in tones)
     count = radiated.count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
-    surface = Surface.from_outline(corners, count, (size[0] / 2, size[1] / 2))
+    surface = surfaces.Surface.from_outline(corners, count, (size[0] / 2, size[1] / 2))
     shapes = shapes_of(several, known)
-    screens = [Screen.from_outline(corners, cells) for cells in radiated.SCREEN_CELLS]
+    screens = [surfaces.Screen.from_outline(corners, cells) for cells in radiated.SCREEN_CELLS]
     every = surface.places, *(screen.places for screen in screens)
     both = _choose_motion(asked, structure, np.concatenate(every, axis=1), corners, markers, shapes)
     ends = np.cumsum([one.shape[1] for one in every])

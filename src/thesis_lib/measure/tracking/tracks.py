@@ -17,8 +17,7 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.validation import find_repeats, note_changes
-from thesis_lib.measure.tracking.follow import pictures_of, trackers_of
-from thesis_lib.measure.tracking.homography import TrackingError, as_dark
+from thesis_lib.measure.tracking import follow, homography
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.vision.pinhole import Camera, undistort_tracks
 
@@ -114,17 +113,17 @@ def record_track(
         If the structure or its markers are not found in the first frame.
     """
     video = folder / files.video
-    first = as_dark(next(media.read_frames(video, 0, 1)), markers)
+    first = homography.as_dark(next(media.read_frames(video, 0, 1)), markers)
     try:
-        trackers, notes = trackers_of(first, camera, markers, files.corners_px, turn, shares)
-    except TrackingError as error:
+        trackers, notes = follow.trackers_of(first, camera, markers, files.corners_px, turn, shares)
+    except homography.TrackingError as error:
         advice = "are structure.markers and corners_px as filmed?"
         if not files.corners_px:
             advice = (
                 "are structure.markers as filmed? If so, the light may be uneven: click the "
                 "corners in the page that thesis measure --check writes, and give corners_px"
             )
-        raise TrackingError(f"{video}: frame 0: {error}; {advice}") from None
+        raise homography.TrackingError(f"{video}: frame 0: {error}; {advice}") from None
     shape = (len(clock), *([2 * len(shares)] if shares else []), 2, markers.count)
     steps, across = np.zeros((2, len(clock)))
 
@@ -134,7 +133,7 @@ def record_track(
             np.lib.format.write_array_header_1_0(file, header)
             frames = media.read_frames(video, stop=len(clock), clock=clock)
             for done, image in enumerate(note_changes(frames, steps, across), 1):
-                pictures = pictures_of(as_dark(image, markers), shares)
+                pictures = follow.pictures_of(homography.as_dark(image, markers), shares)
                 pairs = zip(trackers, pictures, strict=True)
                 found = [tracker.centres(picture) for tracker, picture in pairs]
                 found += [tracker.matched for tracker in trackers if isinstance(tracker, Tracker)]
