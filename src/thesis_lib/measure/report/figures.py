@@ -130,18 +130,17 @@ def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
     centre = 1e3 * data["camera_centre"].values
     rest = 1e3 * data["rest_position"].values
     x = length / 2 * np.array([-1, 1, 1, -1, -1])
-    for panel, (i, j), half in ((axes[0], (0, 1), width / 2), (axes[1], (0, 2), 0.0)):
+    views = {"(a) from above": (1, width / 2), "(b) from the side": (2, 0.0)}
+    for panel, (title, (up, half)) in zip(axes, views.items(), strict=True):
         panel.plot(x, half * np.array([-1, -1, 1, 1, -1]), color=REFERENCE_COLOR)
-        panel.plot(rest[i], rest[j], ".", color=REFERENCE_COLOR, markersize=2)
+        panel.plot(rest[0], rest[up], ".", color=REFERENCE_COLOR, markersize=2)
         for k, name in enumerate(style.drawable_names(data["camera"].values, "camera")):
-            place, ink = centre[k, [i, j]], cycle_color(k)
+            place, ink = centre[k, [0, up]], cycle_color(k)
             panel.plot([place[0], 0], [place[1], 0], color=ink, linewidth=0.6)
             panel.plot(*place, "s", color=ink)
             panel.annotate(name, place, xytext=(5, 5), textcoords="offset points")
-        panel.set(aspect="equal", xlabel="x in mm", ylabel=f"{'xyz'[j]} in mm")
-        panel.margins(0.12, 0.12 if j == 1 else 0.35)  # names of all on one height fit below
-    axes[0].set_title("(a) from above")
-    axes[1].set_title("(b) from the side")
+        panel.set(aspect="equal", xlabel="x in mm", ylabel=f"{'xyz'[up]} in mm", title=title)
+        panel.margins(0.12, 0.12 if up == 1 else 0.35)  # names of all on one height fit below
     return figure
 
 
