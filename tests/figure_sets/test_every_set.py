@@ -230,7 +230,8 @@ def attributes_of(cube):
 
 def test_declared_variables_are_understood_alone():
     assert len(declared()) > 300
-    assert faults({name: one.attributes for name, one in declared().items()}) == []
+    said = {n: {"units": v.units, "long_name": v.long_name} for n, v in declared().items()}
+    assert faults(said) == []
 
 
 SMALL = [*REQUESTS, *OF_LEDGER, "claims-layouts"]
