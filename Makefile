@@ -19,7 +19,7 @@ NOTEBOOKS := notebooks/beam-distance.ipynb notebooks/sound-distance.ipynb
 # The folders of tests of what differs from the last commit, new files included: of src/thesis_lib/vision/ tests/vision/.
 EDITED = $(shell git status --porcelain | sed -nE 's,^.. (src/thesis_lib|tests)/([a-z_]+)/.*,tests/\2/,p')
 
-.PHONY: book pdf test test-all test-nightly test-cpus test-newest quick check bench photographs platforms lock clean
+.PHONY: book pdf test tests test-all test-nightly test-cpus test-newest quick check bench photographs platforms lock clean
 
 book: $(BOOK)  ## the executed book, in build/html
 	$(BIN)/thesis book
@@ -27,7 +27,10 @@ book: $(BOOK)  ## the executed book, in build/html
 pdf: book $(ALL)  ## the book as one PDF, in build; needs Chromium
 	$(BIN)/thesis pdf
 
-test: check  ## what a contributor needs, in minutes and without a book
+test: $(ALL)  ## what a contributor needs, in minutes and without a book or a browser
+	$(MAKE) --no-print-directory --jobs 2 check tests
+
+tests: $(ALL)
 	$(PYTEST) -m "not (slow or book or nightly)"
 
 test-all: check book  ## all tests but those of the night, those of the rendered book included

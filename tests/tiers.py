@@ -1,6 +1,7 @@
 """Of the cases of one test that prove alike, some are run by day, the others at night.
 
-``@pytest.mark.few(3)`` leaves three, evenly spread over the cases; the others are nightly.
+``@pytest.mark.few(3)`` leaves three, evenly spread over the cases; the others are nightly. What
+needs a browser is slow: ``make test-all`` runs it, ``make test`` leaves it out.
 """
 
 from collections import defaultdict
@@ -12,6 +13,8 @@ import pytest
 def pytest_collection_modifyitems(items):
     cases = defaultdict(list)
     for item in items:
+        if "chromium" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.slow)
         if item.get_closest_marker("few"):
             cases[item.nodeid.partition("[")[0]].append(item)
     for alike in cases.values():
