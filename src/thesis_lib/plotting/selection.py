@@ -74,13 +74,14 @@ def claimed_errors(
 
 def _find_claims(cube: xr.Dataset, rows: Iterable[tuple[Any, ...]]) -> list[Claim | None]:
     """Find the claim on each case, mode, error and varied value, or None."""
-    claims = claims_of(cube.attrs["figure_set"])
-    found = []
-    for *of, value in rows:
-        meant = [one for one in claims if [one.case, one.mode, one.quantity] == of]
-        meant.sort(key=lambda claim: not claim.values)  # first those about single settings
-        found.append(next((c for c in meant if not c.values or value in c.values), None))
-    return found
+    by: dict[tuple[Any, ...], list[Claim]] = {}
+    every = claims_of(cube.attrs["figure_set"])
+    for one in sorted(every, key=lambda one: not one.values):  # first those about single settings
+        by.setdefault((one.case, one.mode, one.quantity), []).append(one)
+    return [
+        next((one for one in by.get(tuple(of), []) if not one.values or value in one.values), None)
+        for *of, value in rows
+    ]
 
 
 @dataclass(frozen=True)

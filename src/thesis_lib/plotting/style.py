@@ -40,7 +40,9 @@ REFERENCE_COLOR = "#8a8a8a"
 HIGHLIGHT_COLOR = "#B22222"
 BLACK_COLOR = "#222222"
 INK_COLOR = "#444444"
-STYLE_FILE = Path(__file__).with_name("figures.mplstyle")
+RC_STYLE = matplotlib.rc_params_from_file(
+    Path(__file__).with_name("figures.mplstyle"), use_default_template=False
+)
 MATH_STYLE = {"text.parse_math": True}
 """For figures with powers of ten at their axes, and without a reader's words."""
 
@@ -69,12 +71,11 @@ def ordered_colors(count: int) -> list[str]:
 def in_style(changed: Any = None) -> Iterator[None]:
     """Draw or save a figure: alone, in our style, and nothing of it left behind.
 
-    Parameters of Matplotlib that differ from :data:`STYLE_FILE` may be given as `changed`.
+    Parameters of Matplotlib that differ from :data:`RC_STYLE` may be given as `changed`.
     """
     with _ONE_AT_A_TIME, matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rc_file(STYLE_FILE, use_default_template=False)
-        matplotlib.rcParams.update(changed or {})
+        matplotlib.rcParams.update({**RC_STYLE, **(changed or {})})
         yield
 
 
