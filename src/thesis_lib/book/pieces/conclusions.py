@@ -175,9 +175,7 @@ def tabulate_experiment(opened: Cubes) -> str:
         for case in selection.list_cases(cube):
             if case.endswith("-all"):  # sets of cameras that do not grow
                 continue
-            alone = replace(
-                factors.FACTORS[factor], sources=((case, name, (case,), factors.MEAN_ERRORS),)
-            )
+            alone = replace(factors.FACTORS[factor], sources=((case, name, (case,)),))
             (effect,) = factors.estimate_effects(opened, alone)
             part = selection.select_settings(cube, case, 1)
             labels = part["label"].values
@@ -218,7 +216,7 @@ def tabulate_costs(opened: Cubes) -> str:
                 float(
                     selection.select_settings(opened[of], case, 1).sortby("value")["in_view"][end]
                 )
-                for group, of, cases, _ in factor.sources
+                for group, of, cases in factor.sources
                 if group == one.group and of in opened
                 for case in cases or selection.list_cases(opened[of])
             ]

@@ -32,7 +32,7 @@ from thesis_lib.ledger import trends, verdicts
 from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes
 
-Source = tuple[str, str, tuple[str, ...], tuple[str, ...]]
+Source = tuple[str, str, tuple[str, ...]]
 MEAN_ERRORS = ("mean_error",)
 PLANE_ERRORS = ("plane_error_xz", "plane_error_yz")
 
@@ -50,7 +50,7 @@ class Factor:
     #: Title and ticks of its panel in the figure
     panel: str
     ticks: tuple[float, ...]
-    #: Name of the group, figure set, cases (none means all) and errors of each measurement
+    #: Name of the group, figure set and cases (none means all) of each measurement
     sources: tuple[Source, ...]
     by_elevation: bool = False  #: Varied is the first camera's elevation φ: a power of cos φ
 
@@ -95,11 +95,12 @@ class Curve:
 
 def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
     """Read all errors over one factor; cubes that are missing are left out, and nodal planes."""
-    for group, name, cases, quantities in factor.sources:
+    for group, name, cases in factor.sources:
         if (whole := opened.get(name)) is None:
             continue
         cube = whole.drop_dims("point", errors="ignore")  # to select from, too
         modes = cube["mode"].values.tolist()
+        quantities = PLANE_ERRORS if group.startswith("sound") else MEAN_ERRORS
         for case, mode, quantity in product(cases or selection.list_cases(cube), modes, quantities):
             part = selection.select_settings(cube, case, mode)
             elevations = part["camera_elevation"].isel(camera=0)
@@ -278,6 +279,6 @@ def draw_summary(opened: Cubes) -> Figure:
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
-    names = {name for factor in FACTORS.values() for _, name, _, _ in factor.sources}
+    names = {name for factor in FACTORS.values() for _, name, _ in factor.sources}
     opened = {path.stem: cube_file.read_cube(path) for path in made if path.stem in names}
     files.whole_text(folder / FIGURE_FILE, style.figure_svg(draw_summary(opened)))

@@ -46,8 +46,10 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
     scatters = []  # of centres, that would give what the thesis states of a first setting
     for cube in chapter if subject == "experiment" else ():
         if claim := selection.claimed_errors(cube, "matched", 1)[0]:
-            parts = selection.split_cases(cube, 1)
-            by = {method: parts[method].isel(setting=0) for method in ("matched", "literal")}
+            by = {
+                method: selection.select_settings(cube, method, 1).isel(setting=0)
+                for method in ("matched", "literal")
+            }
             scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
             wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
             label = by["literal"]["label"].item()

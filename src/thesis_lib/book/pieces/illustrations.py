@@ -85,7 +85,7 @@ def draw_distances(cube: xr.Dataset) -> Figure:
     """Draw the error over distance and over aperture: rms and band of the trials, and the law."""
     drawing, panels = style.subplots(1, 2, figsize=(7.2, 2.8), sharey=True)
     for axes, case, unit in zip(panels, ("distance", "aperture"), ("mm", "°"), strict=True):
-        part, bars = selection.split_cases(cube, 1)[case], selection.error_bars(cube, case, 1)
+        part, bars = selection.select_settings(cube, case, 1), selection.error_bars(cube, case, 1)
         values, law = part["value"].values, "law, one noise for all"
         rms = selection.trial_rms(part["mean_error"])
         axes.vlines(values, bars.band[0], bars.band[2], color=style.BLUE)
