@@ -1,10 +1,9 @@
 """Fields of requests and manifests: types with bounds, units, and words for refusals.
 
 A request declares ``focal_length_mm: FocalLength = 24.0``, or ``cone_deg: Angle = 55.0`` with its
-meaning as a string on the next line. The words that
-refusals, tables and forms show for bounds are generated from the type by :func:`describe_type`. A
-type whose bounds do not tell all has a ``title``. What depends on other fields is checked by the
-model, which refuses in words of its own.
+meaning as a string on the next line. The words that refusals, tables and forms show for bounds are
+generated from the type by :func:`describe_type`. A type whose bounds do not tell all has a
+``title``. What depends on other fields is checked by the model, which refuses in words of its own.
 """
 
 import ast

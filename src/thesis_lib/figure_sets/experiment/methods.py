@@ -63,8 +63,10 @@ def measure_recordings(
         Dimensions ``camera``, ``width``, ``frame``, ``axis``, ``marker``, ``calibration``:
         centres in px (distortion included), both calibrations, delays, force.
     """
-    clocks = [clock_of(camera, folder) for camera in manifest.cameras if windows]
-    clocks = clocks or check_files(manifest, folder)
+    if windows:  # whose frames are smaller than the manifest says
+        clocks = [clock_of(camera, folder) for camera in manifest.cameras]
+    else:
+        clocks = check_files(manifest, folder)
     full = manifest.cameras[0].width_px
     widths = list(widths) or [full]
     calibration, sound = calibrate_rig(manifest, folder, steps), read_sound(manifest, folder, steps)

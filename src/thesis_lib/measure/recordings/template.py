@@ -22,6 +22,7 @@ from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe_media, rate_of
 from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.studies.fields import describe_field
+from thesis_lib.templates import join_words
 from thesis_lib.text import has_hidden
 from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
 
@@ -82,8 +83,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     told = [*_describe_found(manifest, folder, infos), *passed]
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.markers.hole_mm is None and lacking:  # which tells the ends apart
-        names = " and ".join(filter(None, [", ".join(lacking[:-1]), lacking[-1]]))
-        told.append(format_new("corners", names=names, page=folder / PAGE_NAME))
+        told.append(format_new("corners", names=join_words(lacking), page=folder / PAGE_NAME))
     with staging(folder) as part:
         (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
         (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
