@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from thesis_lib.book import build, explorer, rendering
+from thesis_lib.book import build, explorer, find_figure_names, rendering
 from thesis_lib.book.build import EXECUTED_FOLDER, list_code, make_task, result_files
 from thesis_lib.book.pieces import (
     benchmarks,
@@ -90,7 +90,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     others = [path for path in NOTEBOOKS if path.stem != "claims"]
     last = [name for name in texts.PIECES if name in texts.OF_LEDGER]
     numbers = [name for name in texts.PIECES if name not in last]
-    figures = opened.find_figure_names(PAGES)
+    figures = find_figure_names(PAGES)
     data = ExperimentResolution().recordings.stored_path
 
     def write(names: list[str], but: str = "") -> None:

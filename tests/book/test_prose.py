@@ -7,6 +7,7 @@ import cpus
 import pytest
 
 from thesis_lib import files
+from thesis_lib.book import find_figure_names
 from thesis_lib.book.pieces import (
     benchmarks,
     findings,
@@ -14,7 +15,7 @@ from thesis_lib.book.pieces import (
     thesis_index,
     write as pieces_write,
 )
-from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, Opened, find_figure_names
+from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, Opened
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.ledger import verdicts

@@ -4,6 +4,8 @@ That is decided by the contents of its files, before much is imported. The tasks
 ``dodo.py`` know better what is stale, but to ask them takes some seconds.
 """
 
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from thesis_lib.files import digest_of, folder_files, project_root, whole_text
@@ -14,6 +16,13 @@ SOURCE_FOLDERS = (
 )  # fmt: skip
 STATE_FILE = "build/.book"
 OUTPUT_FOLDERS = ("book/executed", "data/results", "build/html", "build/assets")
+_INCLUDE_PATTERN = re.compile(r"executed/(fig-[\w-]+)\.md")
+
+
+def find_figure_names(pages: Iterable[Path]) -> list[str]:
+    """Return names of the figures that `pages` show."""
+    texts = (page.read_text(encoding="utf-8") for page in pages if page.suffix == ".md")
+    return sorted({name for text in texts for name in _INCLUDE_PATTERN.findall(text)})
 
 
 def source_digest() -> str:

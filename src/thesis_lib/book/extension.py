@@ -20,7 +20,7 @@ from sphinx import addnodes
 from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
-from thesis_lib.book.pieces.opened import find_figure_names
+from thesis_lib.book import find_figure_names
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.web.html import render_html
 

@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -218,6 +219,7 @@ DARK_GROUND, DARK_INK = (18, 18, 18), (222, 226, 230)  # of the book's pages in 
 MIN_CONTRAST = 4.5  # WCAG 2 AA
 MAX_GREY_SPREAD = 16  # largest difference of the parts of a colour that counts as grey
 PX_PER_UNIT = {"pt": 4 / 3, "px": 1.0, "": 1.0}
+_to_hex = cache(to_hex)
 _COLOUR_PATTERN = re.compile(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b")
 _LENGTH_PATTERN = re.compile(r"([\d.]+)(pt|px|)")
 _COLOUR_ATTRIBUTES = ("style", "fill", "stroke", "stop-color")
@@ -250,7 +252,7 @@ def theme_drawing(path: Path) -> None:
     colours = {"#000000"}
 
     def name_variable(match: re.Match[str]) -> str:
-        colours.add(colour := to_hex(match[0]))
+        colours.add(colour := _to_hex(match[0]))
         return f"var(--c{colour[1:]})"
 
     for element in root.iter(etree.Element):

@@ -27,8 +27,7 @@ from lxml.html import builder
 
 from thesis_lib import __version__, templates
 from thesis_lib.book.html_pages import finish_pages
-from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS
-from thesis_lib.figure_sets import cube_file
+from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, read_once
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import folder_files, sha256, staging, whole_file, whole_text
 from thesis_lib.plotting import selection as plotted
@@ -47,7 +46,7 @@ _COMPRESSED_SUFFIXES = {".nc", ".png", ".webp", ".woff2", ".gz"}
 def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
     """Write the numbers of cubes, and of their figures in a folder of each, as CSV files."""
     for path in cubes:
-        cube = cube_file.read_cube(path)
+        cube = read_once(path)
         tables = {path.stem: (errors := plotted.errors_table(cube))}
         for (case, mode), name in plotted.figure_names(cube).items():
             tables[f"{path.stem}/{name}"] = plotted.figure_table(cube, errors, case, mode)

@@ -40,7 +40,7 @@ from itertools import combinations, product
 from typing import Any
 
 import numpy as np
-from scipy.stats import rankdata
+import pandas as pd
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.facts.claims import Trend, half_digit
@@ -333,7 +333,7 @@ def _test_unrelated(evidence: Evidence, argument: str) -> Mask:
         if not known:
             continue
         pair = map(np.concatenate, zip(*known, strict=True))
-        a, b = (rankdata(errors, axis=0) - (len(errors) + 1) / 2 for errors in pair)
+        a, b = (pd.DataFrame(errors).rank().values - (len(errors) + 1) / 2 for errors in pair)
         norm = np.sqrt(np.sum(a**2, axis=0) * np.sum(b**2, axis=0))
         holds.append(np.abs(np.sum(a * b, axis=0)) <= 0.5 * norm)
     return _all(holds)

@@ -25,9 +25,8 @@ from pydantic import TypeAdapter
 
 from thesis_lib import files
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.opened import Cubes
+from thesis_lib.book.pieces.opened import Cubes, read_once
 from thesis_lib.facts.claims import Trend
-from thesis_lib.figure_sets import cube_file
 from thesis_lib.ledger import trends, verdicts
 from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes
@@ -101,8 +100,11 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
         cube = whole.drop_dims("point", errors="ignore")  # to select from, too
         modes = cube["mode"].values.tolist()
         quantities = PLANE_ERRORS if group.startswith("sound") else MEAN_ERRORS
-        for case, mode, quantity in product(cases or selection.list_cases(cube), modes, quantities):
-            part = selection.select_settings(cube, case, mode)
+        parts = {
+            of: selection.select_settings(cube, *of)
+            for of in product(cases or selection.list_cases(cube), modes)
+        }
+        for ((case, mode), part), quantity in product(parts.items(), quantities):
             elevations = part["camera_elevation"].isel(camera=0)
             values = (elevations if factor.by_elevation else part["value"]).values.astype(float)
             drawn = cubes.cube_error(part, quantity).transpose("setting", "trial")[:, 1:]
@@ -280,5 +282,5 @@ def draw_summary(opened: Cubes) -> Figure:
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
     names = {name for factor in FACTORS.values() for _, name, _ in factor.sources}
-    opened = {path.stem: cube_file.read_cube(path) for path in made if path.stem in names}
+    opened = {path.stem: read_once(path) for path in made if path.stem in names}
     files.whole_text(folder / FIGURE_FILE, style.figure_svg(draw_summary(opened)))

@@ -15,9 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from thesis_lib import files
-from thesis_lib.book.pieces.opened import write_placeholder
+from thesis_lib.book.pieces.opened import read_once, write_placeholder
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import cube_file, display
+from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.optics.figures import pixel_flows
 from thesis_lib.figure_sets.parametric import compute, figure_set
 from thesis_lib.plotting import selection, style
@@ -326,7 +326,7 @@ def write_illustrations(
             continue
         drawn, look = [], None
         if of in cubes:
-            drawn, look = [cube_file.read_cube(cubes[of])], display.picture_style(of)
+            drawn, look = [read_once(cubes[of])], display.picture_style(of)
         with style.in_style(look):
             text = style.figure_svg(draw(*drawn), look)
         files.whole_text(folder / name, text)

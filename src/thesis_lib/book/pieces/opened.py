@@ -10,7 +10,6 @@ page includes ``executed/provenance-SET.md``, too.
 """
 
 import json
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -89,12 +88,21 @@ def of_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
     return [cube for cube in found if cube is not None]
 
 
+def read_once(path: Path) -> xr.Dataset:
+    """Read a cube once for all steps of a build, and again if it is another file by then."""
+    return _read_cube(path, path.stat().st_mtime_ns).copy()
+
+
+@cache
+def _read_cube(path: Path, _changed: int) -> xr.Dataset:
+    return cube_file.read_cube(path)
+
+
 class Opened(Mapping[str, xr.Dataset]):
     """Cubes by name, read when they are first asked for."""
 
     def __init__(self, made: Iterable[Path]) -> None:
         self._files = {path.stem: path for path in made}
-        self._read = cache(cube_file.read_cube)
         self.derived: dict[Any, Any] = {}  #: What was computed of them, by what was asked
         self.wanted = set[str]()  #: Those that a piece has asked for and that are missing
 
@@ -102,7 +110,7 @@ class Opened(Mapping[str, xr.Dataset]):
         if name not in self._files:
             self.wanted.add(name)
             raise KeyError(name)
-        return self._read(self._files[name])
+        return read_once(self._files[name])
 
     def __contains__(self, name: object) -> bool:
         return name in self._files
@@ -120,14 +128,7 @@ SETS_IN_CHAPTERS = {
     "planner": "planner",
 }
 """Figure sets that have no page of their own, and the chapter that shows all their figures."""
-_INCLUDE_PATTERN = re.compile(r"executed/(fig-[\w-]+)\.md")
 _DOWNLOADS_MARK = '<a class="tl-download"'
-
-
-def find_figure_names(pages: Iterable[Path]) -> list[str]:
-    """Return names of the figures that `pages` show."""
-    texts = (page.read_text(encoding="utf-8") for page in pages if page.suffix == ".md")
-    return sorted({name for text in texts for name in _INCLUDE_PATTERN.findall(text)})
 
 
 def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> None:
