@@ -112,13 +112,13 @@ def library_files() -> list[Path]:
 
 def folder_files(places: Iterable[Path]) -> list[Path]:
     """Return the given files and those in the given folders, without what Python has compiled."""
-    found = set[Path]()
-    for place in places:
-        for path in place.rglob("*") if place.is_dir() else [place]:
-            left_out = {"__pycache__", _SHIPPED_FOLDER} & {*path.relative_to(place).parts}
-            if path.is_file() and path.suffix != ".pyc" and not left_out:
-                found.add(path)
-    return sorted(found)
+    given = [*places]
+    found = {*given}
+    for place in given:
+        for folder, below, names in os.walk(place):
+            below[:] = {*below} - {"__pycache__", _SHIPPED_FOLDER}  # these are not walked
+            found.update(Path(folder, name) for name in names)
+    return sorted(path for path in found if path.is_file() and path.suffix != ".pyc")
 
 
 @cache

@@ -1,6 +1,6 @@
-"""The book: how it is built, and whether a finished one is up to date.
+"""The book: the figures that its pages show, and whether a finished one is up to date.
 
-That is decided by the contents of its files, before much is imported. The tasks of
+The latter is decided by the contents of its files, before much is imported. The tasks of
 ``dodo.py`` know better what is stale, but to ask them takes some seconds.
 """
 

@@ -321,6 +321,15 @@ def _best_case(evidence: Evidence, argument: str) -> Mask:
     return _all(holds)
 
 
+def correlate_ranks(one: Array, other: Array) -> tuple[Array, Array]:
+    """Return the scalar products of two arrays' centred ranks, and of their norms, by column.
+
+    The ratio is Spearman's coefficient; both are zero where all values of a column are equal.
+    """
+    a, b = (pd.DataFrame(errors).rank().values - (len(errors) + 1) / 2 for errors in (one, other))
+    return np.sum(a * b, axis=0), np.sqrt(np.sum(a**2, axis=0) * np.sum(b**2, axis=0))
+
+
 def _test_unrelated(evidence: Evidence, argument: str) -> Mask:
     """``unrelated deflection_error``: a rank correlation over all settings of at most ½."""
     holds = []
@@ -332,10 +341,8 @@ def _test_unrelated(evidence: Evidence, argument: str) -> Mask:
         known = [pair for pair in both if np.isfinite(pair[0]).all()]
         if not known:
             continue
-        pair = map(np.concatenate, zip(*known, strict=True))
-        a, b = (pd.DataFrame(errors).rank().values - (len(errors) + 1) / 2 for errors in pair)
-        norm = np.sqrt(np.sum(a**2, axis=0) * np.sum(b**2, axis=0))
-        holds.append(np.abs(np.sum(a * b, axis=0)) <= 0.5 * norm)
+        common, norm = correlate_ranks(*map(np.concatenate, zip(*known, strict=True)))
+        holds.append(np.abs(common) <= 0.5 * norm)
     return _all(holds)
 
 

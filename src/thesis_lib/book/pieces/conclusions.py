@@ -7,7 +7,6 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from thesis_lib.arrays import Array
@@ -130,9 +129,9 @@ def correlate_sound(opened: Cubes) -> str:
             if not np.isfinite(field).all():
                 continue
             expected = [np.sqrt(np.mean(errors**2, axis=1)) for errors in (shape, field)]
-            columns = (np.column_stack(pair) for pair in zip(expected, (shape, field), strict=True))
-            ranks, others = (pd.DataFrame(errors).rank() for errors in columns)
-            order, *single = ranks.corrwith(others)  # of ranks: Spearman's coefficient
+            columns = map(np.column_stack, zip(expected, (shape, field), strict=True))
+            common, norm = trends.correlate_ranks(*columns)
+            order, *single = common / norm
             orders.append(order)
             slopes.append(factors.fit_exponent(*expected))
             draws += single
@@ -145,11 +144,11 @@ def correlate_sound(opened: Cubes) -> str:
             "exponents": slopes,
         }
         rows.append(row)
-    trends = {
+    counts = {
         "all": factors.sound_trends(opened),
         "aperture": factors.sound_trends(opened, "wider"),
     }
-    return render(__file__, "conclusions-sound", rows=rows, trends=trends)
+    return render(__file__, "conclusions-sound", rows=rows, trends=counts)
 
 
 def tabulate_sound_errors(opened: Cubes) -> str:

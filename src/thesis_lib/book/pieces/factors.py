@@ -25,7 +25,7 @@ from pydantic import TypeAdapter
 
 from thesis_lib import files
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.opened import Cubes, read_once
+from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.facts.claims import Trend
 from thesis_lib.ledger import trends, verdicts
 from thesis_lib.plotting import selection, style
@@ -281,6 +281,4 @@ def draw_summary(opened: Cubes) -> Figure:
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
-    names = {name for factor in FACTORS.values() for _, name, _ in factor.sources}
-    opened = {path.stem: read_once(path) for path in made if path.stem in names}
-    files.whole_text(folder / FIGURE_FILE, style.figure_svg(draw_summary(opened)))
+    files.whole_text(folder / FIGURE_FILE, style.figure_svg(draw_summary(Opened(made))))

@@ -103,6 +103,7 @@ class Opened(Mapping[str, xr.Dataset]):
 
     def __init__(self, made: Iterable[Path]) -> None:
         self._files = {path.stem: path for path in made}
+        self._read = cache(read_once)
         self.derived: dict[Any, Any] = {}  #: What was computed of them, by what was asked
         self.wanted = set[str]()  #: Those that a piece has asked for and that are missing
 
@@ -110,7 +111,7 @@ class Opened(Mapping[str, xr.Dataset]):
         if name not in self._files:
             self.wanted.add(name)
             raise KeyError(name)
-        return read_once(self._files[name])
+        return self._read(self._files[name])
 
     def __contains__(self, name: object) -> bool:
         return name in self._files
