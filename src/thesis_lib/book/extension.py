@@ -25,7 +25,7 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.web.html import render_html
 
 MAX_DESCRIPTION_LENGTH = 200
-_MADE_PAGES = {"index", "search", "genindex", "py-modindex"}  # those without a source
+_MADE_PAGES = {"index", "genindex"}  # those without a source
 _BINDER_ADDRESS = "https://mybinder.org/v2"
 _BAR_PATTERN = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
 _NO_EXPRESSION = re.compile(r"<(?:[^<>]|<\w+>)*>")
@@ -36,7 +36,7 @@ def setup(app: Any) -> dict[str, bool]:
     gc.set_threshold(1_000_000, 50, 1000)  # the trees of all pages stay: saves a third of the time
     app.add_directive("computed-by", ComputedBy)
     app.add_transform(LinkShownFigures)
-    app.connect("builder-inited", _load_mathjax)
+    app.connect("builder-inited", _set_builder)
     app.connect("env-get-outdated", _find_outdated_notebooks)
     app.connect("env-before-read-docs", _clear_pages)
     app.connect("html-page-context", _describe_page)
@@ -118,8 +118,9 @@ def read_source(function: Callable[..., Any]) -> str:
     return "\n".join(line for line in lines if line.strip()).strip()
 
 
-def _load_mathjax(app: Any) -> None:
-    """Load MathJax in the single page, where Sphinx does not notice that it is needed."""
+def _set_builder(app: Any) -> None:
+    """Leave the search to the book; load MathJax where Sphinx does not notice that it is needed."""
+    app.builder.search = False
     if app.builder.name == "singlehtml":
         app.set_html_assets_policy("always")
 

@@ -40,8 +40,6 @@ _KEPT_KINDS = ("text/plain", "text/markdown")  # of outputs, in the notebooks th
 
 def finish_pages(book: Path) -> None:
     """Finish all pages and drawings of a rendered book, and write its search index."""
-    for name in ("search.html", "searchindex.js"):  # the search opens in each page
-        (book / name).unlink(missing_ok=True)
     for drawing in (book / "_images").glob("*.svg"):
         theme_drawing(drawing)
     entries: dict[str, list[SearchEntry]] = {}

@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.spatial.transform import Rotation
 
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, Image, IntArray
 from thesis_lib.laboratory import rig as rigs
@@ -181,6 +181,7 @@ def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int
     The cameras look at its centre from a `distance` in m, of which the board's size is a share.
     The board is held in some `poses`, the first one flat.
     """
+    Rotation = scipy.spatial.transform.Rotation
     turned = np.radians(AIM_STD_DEG) * draw.standard_normal((len(rig.stations), 3))
     pairs = zip(rig.cameras, Rotation.from_rotvec(turned).as_matrix(), strict=True)
     cameras = [replace(c, R_camera_world=turn @ c.R_camera_world) for c, turn in pairs]

@@ -129,8 +129,9 @@ class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
 
 def read_attributes(path: Path) -> dict[str, Any]:
     """Return the attributes of a netCDF file as a whole, without its variables."""
-    with _HDF5_LOCK, h5netcdf.File(path) as file:
-        return dict(file.attrs)
+    with _HDF5_LOCK, h5py.File(path) as file:
+        every = file.attrs.items()  # numbers are stored as arrays of one
+        return {name: one[0] if isinstance(one, np.ndarray) else one for name, one in every}
 
 
 def open_netcdf(path: Path) -> xr.Dataset:

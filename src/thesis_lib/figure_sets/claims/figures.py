@@ -7,11 +7,11 @@ from typing import Any
 
 import anywidget
 import numpy as np
+import scipy
 import traitlets
 import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
-from scipy.stats import binomtest
 
 from thesis_lib.facts.setups import READINGS
 from thesis_lib.figure_sets.claims.compute import format_command
@@ -242,7 +242,7 @@ def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
             "claims": part["reading_claims"].sum("outcome").values,
             "gained": (gained := int(part["gained"])),
             "lost": (lost := int(part["lost"])),
-            "chance": binomtest(gained, gained + lost).pvalue if gained + lost else 1.0,
+            "chance": scipy.stats.binomtest(gained, gained + lost).pvalue if gained + lost else 1.0,
             "log_residual": part["log_residual"].values,
         }
         for part in iterate_slices(cube, "reading")

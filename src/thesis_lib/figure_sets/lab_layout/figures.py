@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-from scipy.interpolate import Akima1DInterpolator
 
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.facts import setups
@@ -84,7 +84,7 @@ def find_optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
         return None
     x, y = np.log(x[order]), np.log(y[order])
     fine = np.linspace(x[0], x[-1], CURVE_POINTS)
-    curve = Akima1DInterpolator(x, y)(fine)
+    curve = scipy.interpolate.Akima1DInterpolator(x, y)(fine)
     least = int(np.argmin(curve))
     far = np.flatnonzero(curve > curve[least] + np.log(MAX_NEAR_OPTIMUM))
     first = int(np.max(far[far < least], initial=-1)) + 1

@@ -23,7 +23,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from thesis_lib.arrays import Array, IntArray, Mask
 from thesis_lib.vision import pinhole
@@ -209,7 +209,7 @@ def step_network(network: Network, step: Array) -> Network:
     """Return the network after changes of its unknowns."""
     n, m = len(network.cameras), len(network.rotations)
     poses = step[: (n + m) * POSE_UNKNOWNS].reshape(-1, 2, 3)
-    turns = Rotation.from_rotvec(poses[:, 0]).as_matrix()
+    turns = scipy.spatial.transform.Rotation.from_rotvec(poses[:, 0]).as_matrix()
     lenses = step[(n + m) * POSE_UNKNOWNS :].reshape(n, LENS_UNKNOWNS)
     cameras = tuple(
         replace(
@@ -412,7 +412,7 @@ def align_cameras(
     found = transform_network(without_boards(cameras), rotation, translation).cameras
     centres = np.array([p.centre - q.centre for p, q in zip(found, truth, strict=True)])
     turns = [p.R_camera_world @ q.R_camera_world.T for p, q in zip(found, truth, strict=True)]
-    return found, centres, Rotation.from_matrix(turns).as_rotvec()
+    return found, centres, scipy.spatial.transform.Rotation.from_matrix(turns).as_rotvec()
 
 
 def camera_deviations(network: Network, covariance: Array) -> tuple[Array, Array]:

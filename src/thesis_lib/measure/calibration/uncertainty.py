@@ -23,8 +23,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from scipy.linalg import block_diag
-from scipy.stats import norm, t
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import bundle_adjustment as bundle
@@ -163,7 +163,8 @@ def _widening_factors(parts: Array, gauge: Array, count: int) -> Array:
     true = np.einsum("ij,jk,ki->i", inverse, whole, inverse, optimize=True)[last]
     excess = (m - 1) / m * total / true
     freedom = np.maximum(total**2 / np.sum(single**2, axis=0), 1.0)
-    wider = t.ppf(_COVERED_PROBABILITY, freedom) / norm.ppf(_COVERED_PROBABILITY)
+    wider = scipy.stats.t.ppf(_COVERED_PROBABILITY, freedom)
+    wider /= scipy.stats.norm.ppf(_COVERED_PROBABILITY)
     return np.maximum(wider / np.sqrt(excess), 1.0)
 
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pyuff
+import scipy
 import scipy.io
 import xarray as xr
-from scipy.spatial import Delaunay, QhullError
 
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.measure.exchange import history
@@ -130,8 +130,8 @@ def marker_faces(x: ArrayLike, y: ArrayLike) -> IntArray:
             corners = place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]
             return np.stack(corners, axis=-1).reshape(-1, 4)
     try:
-        found = Delaunay(points).simplices
-    except (QhullError, ValueError):  # on one line, or fewer than three
+        found = scipy.spatial.Delaunay(points).simplices
+    except (scipy.spatial.QhullError, ValueError):  # on one line, or fewer than three
         return np.empty((0, 3), int)
     sides = np.linalg.norm(points[found] - points[np.roll(found, 1, axis=1)], axis=2)
     return np.asarray(found[sides.max(axis=1) <= MAX_EDGE_RATIO * np.median(sides)], int)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.files import whole_text
@@ -142,7 +142,7 @@ def _least_gap(uv: Array, J: Array, diameter: float) -> float:
     angles = np.arange(90) * np.pi / 90
     normals = np.stack([np.cos(angles), np.sin(angles)])
     wide = diameter * np.linalg.norm(np.tensordot(normals, J, (0, 0)), axis=1).T
-    near = cKDTree(uv.T).query(uv.T, k=min(9, uv.shape[1]))[1][:, 1:]
+    near = scipy.spatial.cKDTree(uv.T).query(uv.T, k=min(9, uv.shape[1]))[1][:, 1:]
     apart = np.abs(np.tensordot(uv[:, near] - uv[:, :, None], normals, (0, 0)))
     return float((apart - wide[:, None]).max(axis=2).min())
 
@@ -164,7 +164,8 @@ def predict_camera(
     places = manifest.structure.marker_points
     widest = CHECK_LIMITS["depth-of-field"] * pitch  # circle of confusion that is sharp, mm
     near, far = map(float, optics.depth_of_field(focal, stop, distance, widest))
-    spacing = cKDTree(places.T).query(places.T, k=2)[0][:, 1].min()  # infinite for one marker
+    nearest, _ = scipy.spatial.cKDTree(places.T).query(places.T, k=2)
+    spacing = nearest[:, 1].min()  # infinite for one marker
     return CameraPrediction(
         camera.name,
         sample,

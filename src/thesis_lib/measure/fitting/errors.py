@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.calibration.bundle_adjustment import step_network, without_boards
@@ -56,7 +56,7 @@ def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
     if not still.any() or not awake.any():
         return replace(own, sigma=sigma), 0.0
     count = min(MIN_MOVING_NEIGHBOURS, np.count_nonzero(awake))
-    _, nearest = KDTree(places[:, awake].T).query(places[:, still].T, k=count)
+    _, nearest = scipy.spatial.KDTree(places[:, awake].T).query(places[:, still].T, k=count)
     threshold = float(np.median(size[awake][nearest]))
     with np.errstate(divide="ignore"):
         loss = threshold * np.minimum(1, (threshold / size) ** 2)
@@ -80,7 +80,7 @@ def in_plane(
     slope = np.full((2, len(w)), np.nan + 0j)
     if np.count_nonzero(seen) >= 4:  # of planes through neighbours
         count = min(SLOPE_NEIGHBOURS, np.count_nonzero(seen))
-        _, near = KDTree(places[:, seen].T).query(places.T, k=count)
+        _, near = scipy.spatial.KDTree(places[:, seen].T).query(places.T, k=count)
         offset = places[:, seen][:, near] - places[:, :, None]
         A = np.stack([*offset, np.ones_like(offset[0])], axis=-1)  # markers, neighbours, 3
         slope[:] = (np.linalg.pinv(A, rcond=1e-6) @ w[seen][near][..., None])[:, :2, 0].T

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.optimize import minimize_scalar
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_harmonics
@@ -67,7 +67,9 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
         )
 
     bounds = max(peak - 1 / length, lowest / 2), peak + 1 / length
-    found = minimize_scalar(sum_residuals, bounds=bounds, options={"xatol": 1e-6 * peak})
+    found = scipy.optimize.minimize_scalar(
+        sum_residuals, bounds=bounds, options={"xatol": 1e-6 * peak}
+    )
     total = sum(float(np.sum(np.nanvar(values, axis=0))) * len(times) for times, values in series)
     if not sum_residuals(float(found.x)) < (1 - MIN_EXPLAINED_SHARE) * total:
         raise FrequencyError(

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import KDTree
+import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import harmonics
@@ -83,7 +83,7 @@ def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places:
     with warnings.catch_warnings():  # of markers that are never seen
         warnings.simplefilter("ignore", RuntimeWarning)
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
-    halfway = 0.5 * KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
+    halfway = 0.5 * scipy.spatial.KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(MAX_LOOKS):
         left = block.values - B @ fits.fit_known(B, replace(block, known=known))[0]
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
@@ -101,7 +101,7 @@ def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places:
 def find_strays(moved: Array, places: Array) -> Mask:
     """Return which of some motions (frames, 2, markers) are far from those of their neighbours."""
     count = min(NEIGHBOUR_COUNT + 1, places.shape[1])
-    _, near = KDTree(places.T).query(places.T, k=count)
+    _, near = scipy.spatial.KDTree(places.T).query(places.T, k=count)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         around = moved[:, :, near[:, 1:]]

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.interpolate import RBFInterpolator
 from scipy.linalg import block_diag
 
 from thesis_lib.acoustics import estimates, radiation, surfaces
@@ -124,11 +124,13 @@ def by_spline(markers: Array, held: Array, places: Array) -> Between:
     n = markers.shape[1]
     every = np.concatenate([markers, held], axis=1).T
     unit = np.eye(len(every))[:, :n]
-    surface = RBFInterpolator(every, unit, kernel="thin_plate_spline", degree=1)
+    surface = scipy.interpolate.RBFInterpolator(every, unit, kernel="thin_plate_spline", degree=1)
     others = np.zeros((n, n))
     for i in range(n):
         left = np.delete(np.arange(len(every)), i)
-        without = RBFInterpolator(every[left], unit[left], kernel="thin_plate_spline", degree=1)
+        without = scipy.interpolate.RBFInterpolator(
+            every[left], unit[left], kernel="thin_plate_spline", degree=1
+        )
         others[i] = without(every[[i]])[0]
     moving = surface(places.reshape(2, -1).T).reshape(*places.shape[1:], -1)
     return Between("spline", moving, others)

@@ -18,8 +18,8 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import scipy
 from pydantic import Field, model_validator
-from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
@@ -187,7 +187,7 @@ class Markers:
     @cached_property
     def nearest(self) -> Array:
         """Return the distance of each of :attr:`positions` to the nearest other one, m."""
-        distance, _ = KDTree(self.positions.T).query(self.positions.T, k=2)
+        distance, _ = scipy.spatial.KDTree(self.positions.T).query(self.positions.T, k=2)
         return np.asarray(distance[:, 1], float)
 
     @cached_property

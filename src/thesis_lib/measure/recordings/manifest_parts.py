@@ -12,8 +12,8 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
+import scipy
 from pydantic import BeforeValidator, Field, model_validator
-from scipy.spatial import ConvexHull
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import MarkersSpec, Place, beam_default
@@ -366,7 +366,7 @@ class Radiation(Fields):
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         discs = structure.marker_points[:, :, None] + circle[:, None]
         every = discs.reshape(2, -1).T
-        return np.asarray(every[ConvexHull(every).vertices], float)
+        return np.asarray(every[scipy.spatial.ConvexHull(every).vertices], float)
 
     def held_edges(self, kind: str, corners: int) -> list[int]:
         """Return the numbers of the edges that are held at rest."""

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+import scipy
 
 from thesis_lib.arrays import Array, ArrayLike, Image, IntArray
 from thesis_lib.measure.recordings import audio, force_table, media, media_info
@@ -253,8 +253,10 @@ def find_repeats(steps: ArrayLike, across: ArrayLike) -> IntArray:
         return np.zeros(0, int)
     # The largest change in the frames up to each one, and in those from it on.
     window, half = NEIGHBOUR_FRAMES + 1, NEIGHBOUR_FRAMES // 2
-    before = maximum_filter1d(steps, window, mode="constant", origin=half)
-    around = np.minimum(before, maximum_filter1d(steps, window, mode="constant", origin=-half))
+    before = scipy.ndimage.maximum_filter1d(steps, window, mode="constant", origin=half)
+    around = np.minimum(
+        before, scipy.ndimage.maximum_filter1d(steps, window, mode="constant", origin=-half)
+    )
     moving = around > max(MIN_MOTION * float(np.quantile(steps, 0.9)), 1e-9)
     same = moving & (steps <= MAX_RELATIVE_CHANGE * around)
     alone = ~np.roll(same, 1) & ~np.roll(same, -1)

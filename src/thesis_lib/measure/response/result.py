@@ -23,10 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
 from scipy.linalg import solve_banded
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import ShortTimeFFT, get_window, welch
 from scipy.sparse import diags_array
 
 from thesis_lib.arrays import Array, ComplexArray
@@ -61,7 +60,7 @@ class Cut:
     @property
     def averages(self) -> float:
         """Return the number of independent segments with the same information (Welch 1967)."""
-        w = get_window(self.window, self.length)
+        w = scipy.signal.get_window(self.window, self.length)
         like = float(np.sum(w[self.length // 2 :] * w[: self.length // 2]) / np.sum(w**2)) ** 2
         return self.count / (1 + 2 * (1 - 1 / self.count) * like)
 
@@ -85,8 +84,8 @@ def segment_spectra(values: Array, cut: Cut, finer: int = 1) -> ComplexArray:
     of densities, so that a mean of squares is a power in units²/Hz.
     """
     length = cut.length * finer
-    window = get_window(cut.window, length)
-    made = ShortTimeFFT(window, length // 2, cut.rate * finer, scale_to="psd")
+    window = scipy.signal.get_window(cut.window, length)
+    made = scipy.signal.ShortTimeFFT(window, length // 2, cut.rate * finer, scale_to="psd")
     first = -(-length // 2 // made.hop)  # the first slice that is inside, and its middle
     found = made.stft_detrend(values, "constant", p0=first, p1=first + cut.count, axis=0)
     lines = cut.length // 2 + 1
@@ -215,7 +214,7 @@ def estimate_response(
         checked = np.where(np.isnan(again), np.nan, moved)
         # The error by gaps: the change where the same gaps are made again some frames later.
         power = np.abs(segment_spectra(again - moved, cut)[:, 0]) ** 2
-        noise = noise + uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest")
+        noise = noise + scipy.ndimage.uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest")
     unknown = np.isnan(checked).mean(axis=0)
     found = receptance_of_segments(spectra, segment_spectra(checked, cut), cut, noise)
     if not found["averages"].any():
@@ -227,7 +226,7 @@ def estimate_response(
     place = given.place(manifest.structure.force_place)
     apart = np.linalg.norm(rest.places - place[:, None], axis=0)
     parts = [np.nanstd(part) for part in np.array_split(moved, RECORDING_PARTS)]
-    f, power = welch(pushed, finer * rate, nperseg=min(len(pushed), 4096))
+    f, power = scipy.signal.welch(pushed, finer * rate, nperseg=min(len(pushed), 4096))
     values: dict[str, Any] = found | {
         "phase_deviation": 2 * np.pi * cut.frequency * force.clock.delay_deviation,
         "displacement": moved,

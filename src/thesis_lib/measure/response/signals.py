@@ -24,8 +24,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import ShortTimeFFT, welch
-from scipy.spatial import KDTree
+import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import frequency as clocks, reconstruction
@@ -47,7 +46,7 @@ SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is sought
 def find_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
     """Return a sweep, with missing fields estimated from the force's strongest line over time."""
     length = max(len(newtons) // SWEEP_SEGMENTS * 2, 16)
-    made = ShortTimeFFT(np.hanning(length), length // 2, rate, mfft=8 * length)
+    made = scipy.signal.ShortTimeFFT(np.hanning(length), length // 2, rate, mfft=8 * length)
     power = np.abs(made.stft_detrend(newtons, "constant")) ** 2
     loud = power.max(axis=0)
     on = np.flatnonzero(loud > MIN_SEGMENT_POWER_RATIO * loud.max())
@@ -260,7 +259,8 @@ def estimate_deflections(
     P = pinhole.projection_matrices([own.camera for own in recordings])
     off = rest.images - pinhole.project(P, rest.points)  # what the cameras disagree by at rest
     still = rest.frame.to_beam(rest.points)
-    aside = MAX_SURFACE_SHIFT_RATIO * KDTree(rest.places.T).query(rest.places.T, k=2)[0][:, 1]
+    nearest, _ = scipy.spatial.KDTree(rest.places.T).query(rest.places.T, k=2)
+    aside = MAX_SURFACE_SHIFT_RATIO * nearest[:, 1]
     found = []
     for start in range(0, len(times), CHUNK_TIMES):
         at = times[start : start + CHUNK_TIMES]
@@ -309,7 +309,7 @@ def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
 
     NaN where the rest is too short to tell.
     """
-    f, power = welch(np.nan_to_num(still), rate, axis=0, nperseg=len(still))
+    f, power = scipy.signal.welch(np.nan_to_num(still), rate, axis=0, nperseg=len(still))
     inside = (f >= band[0]) & (f <= band[1])
     if np.count_nonzero(inside) < 4:
         return np.full(still.shape[1], np.nan)

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import firwin
+import scipy
 from scipy.special import i0
 
 from thesis_lib.arrays import Array, ArrayLike, NDArray, Signal
@@ -143,7 +143,9 @@ def _signal_pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
 @cache
 def _low_pass(step: int) -> Array:
     """Return the taps of the low-pass before every `step`-th sample is kept, symmetric."""
-    return firwin(2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA))
+    return scipy.signal.firwin(
+        2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA)
+    )
 
 
 def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:

@@ -14,9 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from scipy.fft import irfft, rfft
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import find_peaks, oaconvolve, welch
 
 from thesis_lib.arrays import Array, ArrayLike, IntArray, Signal
 from thesis_lib.measure.synchronisation import tones
@@ -168,7 +167,9 @@ def _compare_signals(
         c = -c
     best = int(np.argmax(c))
     peak = float(c[best])
-    tops, _ = find_peaks(np.concatenate([[-1], c, [-1]]), height=0.5 * peak, prominence=0.1 * peak)
+    tops, _ = scipy.signal.find_peaks(
+        np.concatenate([[-1], c, [-1]]), height=0.5 * peak, prominence=0.1 * peak
+    )
     tops = tops[tops != best + 1] - 1
     tops = tops[np.abs(lags[tops] - lags[best]) > least * rate]
     if not len(tops):
@@ -270,9 +271,9 @@ def design_whitening(x: Signal, rate: float) -> Signal:
         starts = step * np.arange(SPECTRUM_PIECES)
         pieces = x[starts[:, None] + np.arange(2 * WHITENING_BINS)].ravel()
         x = pieces if pieces.any() else x
-    f, power = welch(x, rate, nperseg=WHITENING_BINS, average="median")
+    f, power = scipy.signal.welch(x, rate, nperseg=WHITENING_BINS, average="median")
     if not power.any():  # silent for most of the time
-        f, power = welch(x, rate, nperseg=WHITENING_BINS)
+        f, power = scipy.signal.welch(x, rate, nperseg=WHITENING_BINS)
     gain = 1 / np.sqrt(power + MIN_POWER_RATIO * power.max())
     gain *= np.clip((0.95 - 2 * f / rate) / 0.25, 0, 1)
     gain[0] = 0
@@ -288,7 +289,7 @@ def _keep_transients(x: Signal, rate: float) -> tuple[Signal, int]:
     it is above. Return the signal, 0 where nothing stands out, and how many samples do.
     """
     n = max(1, round(ENERGY_SPAN_S * rate))
-    energy = uniform_filter1d(x * x, n)
+    energy = scipy.ndimage.uniform_filter1d(x * x, n)
     middle, upper = np.quantile(energy[:: max(1, n // 4)], [0.5, 0.75])
     background = middle + MIN_ONSET_RATIO * (upper - middle)
     weight = 1 - background / np.maximum(energy, max(background, 1e-300))
@@ -351,7 +352,7 @@ def room_match(reference: Signal, other: Signal, rate: float) -> Match:
     """
     # Where a filter reaches beyond the ends nothing is left.
     both = reference, other
-    a, b = (oaconvolve(x, design_whitening(x, rate), "valid") for x in both)
+    a, b = (scipy.signal.oaconvolve(x, design_whitening(x, rate), "valid") for x in both)
     whole = _compare_signals(a, b, rate, same=ROOM_SAME, by_noise=False, either_sign=True)
     n = min(len(a), len(b)) - abs(whole.delay) * rate
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.signal import oaconvolve
+import scipy
 
 from thesis_lib.arrays import Array, IntArray, Signal
 from thesis_lib.measure.synchronisation import audio, delays as matching
@@ -122,8 +122,10 @@ def drift_of(
         low, high = at - most, at + n + matching.WHITENING_BINS - 1 + most
         if low < 0 or high > len(reference):
             continue
-        one = oaconvolve(reference[low:high], taps[0], "valid")
-        two = oaconvolve(other[first : first + n + matching.WHITENING_BINS - 1], taps[1], "valid")
+        one = scipy.signal.oaconvolve(reference[low:high], taps[0], "valid")
+        two = scipy.signal.oaconvolve(
+            other[first : first + n + matching.WHITENING_BINS - 1], taps[1], "valid"
+        )
         lags, c = matching.correlation_coefficient(one, two, 2 * most)
         whole = (lags >= 0) & (lags <= 2 * most)  # where the window is inside
         lags, c = lags[whole], c[whole]

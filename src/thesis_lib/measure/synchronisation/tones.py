@@ -7,8 +7,8 @@ such a tone.
 from collections.abc import Iterable
 
 import numpy as np
+import scipy
 from scipy.fft import next_fast_len, rfft
-from scipy.optimize import minimize_scalar
 
 from thesis_lib.arrays import ArrayLike, Signal
 from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
@@ -92,7 +92,9 @@ def tone_frequency(x: Signal, rate: float, guess: float) -> float:
     def missed(off: float) -> float:
         return -tone_share(x, rate, best + off)
 
-    found = minimize_scalar(missed, bounds=bounds, options={"xatol": 1e-6 * resolution})
+    found = scipy.optimize.minimize_scalar(
+        missed, bounds=bounds, options={"xatol": 1e-6 * resolution}
+    )
     return best + float(found.x)
 
 

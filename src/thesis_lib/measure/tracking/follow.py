@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from scipy.spatial import KDTree
+import scipy
 
 from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.recordings.board import Markers
@@ -143,7 +143,7 @@ class Follower:
         # Where the frequency is not known, a prediction from the two frames before is off by up to
         # four times what moved, as of a motion at half the frame rate: less than to a neighbour.
         radius = self.view.markers.diameter / 2 * self.view.stretch(tracker.grid)
-        distance, _ = KDTree(self.rest.T).query(self.rest.T, k=2)
+        distance, _ = scipy.spatial.KDTree(self.rest.T).query(self.rest.T, k=2)
         self.safe = (distance[:, 1] - np.linalg.norm(radius, axis=(0, 1))) / 4
         self.moved = np.zeros_like(self.rest)
         self.before = np.zeros_like(self.rest)

@@ -13,8 +13,7 @@ from functools import cache
 
 import cv2
 import numpy as np
-from scipy.interpolate import RBFInterpolator
-from scipy.optimize import linear_sum_assignment, minimize_scalar
+import scipy
 from scipy.special import ndtr
 
 from thesis_lib.arrays import Array, Image, IntArray, Mask
@@ -98,7 +97,9 @@ def _fit_blur(image: Image, view: View, found: Array) -> float:
 
     if misfit(view.blur) == 1e3:
         return view.blur
-    return float(minimize_scalar(misfit, bounds=BLUR_RANGE_PX, options={"xatol": 0.01}).x)
+    return float(
+        scipy.optimize.minimize_scalar(misfit, bounds=BLUR_RANGE_PX, options={"xatol": 0.01}).x
+    )
 
 
 def gate_of(markers: Markers) -> float:
@@ -210,7 +211,9 @@ def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
     if np.count_nonzero(known) < 8:
         return last
     try:
-        smooth = RBFInterpolator(grid[:, known].T, seen[:, known].T, neighbors=12, smoothing=1e-9)
+        smooth = scipy.interpolate.RBFInterpolator(
+            grid[:, known].T, seen[:, known].T, neighbors=12, smoothing=1e-9
+        )
         surface = smooth(grid[:, ~known].T).T
     except np.linalg.LinAlgError:
         return last
@@ -233,7 +236,7 @@ def assign_places(predicted: Array, found: Array, gate: float) -> Array:
     places = np.full_like(predicted, np.nan)
     squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
     squared = np.minimum(squared, gate**2)  # all that is too far costs the same
-    rows, columns = linear_sum_assignment(squared)
+    rows, columns = scipy.optimize.linear_sum_assignment(squared)
     near = squared[rows, columns] < gate**2
     places[:, rows[near]] = found[:, columns[near]]
     return places
