@@ -123,12 +123,13 @@ def task_piece() -> Iterator[dict[str, Any]]:
         [*NOTEBOOKS, *PAGES, *list_code("book/pieces", *WORD_CODE)],
         [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
+    code = list_code("book/pieces")
     for name in opened.SETS_IN_CHAPTERS:
         notebook = result_files(name)[0]
         yield make_task(
             f"provenance of {name}",
             partial(opened.write_provenance, notebook, EXECUTED_FOLDER),
-            [notebook, *list_code("book/pieces")],
+            [notebook, *code],
             included(f"provenance-{name}"),
         )
     yield make_task(
@@ -171,6 +172,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
 
 def task_figures() -> Iterator[dict[str, Any]]:
     """Draw the figures of chapters, and write the numbers of each cube to download."""
+    code = list_code("book/pieces", "facts", "figure_sets", "plotting")
     for name in (*STUDIES, illustrations.FACTS):
         drawn = [one for one, (of, _) in illustrations.FIGURES.items() if of == name]
 
@@ -181,9 +183,11 @@ def task_figures() -> Iterator[dict[str, Any]]:
         of = [result_files(name)[0]]
         if name == illustrations.FACTS:
             of = list_code("planning", "vision")
-        needs = [*of, *list_code("book/pieces", "facts", "figure_sets", "plotting")]
         yield make_task(
-            f"figures and numbers of {name}", act, needs, [EXECUTED_FOLDER / one for one in drawn]
+            f"figures and numbers of {name}",
+            act,
+            [*of, *code],
+            [EXECUTED_FOLDER / one for one in drawn],
         )
 
 

@@ -360,7 +360,7 @@ def _read_element(
             owner.places.append(anchor)
         elif owner and child.tag == "img" and owner.kind == "figure":
             owner.picture = child.get("src", "")
-        classes = {*child.classes}
+        classes = {*child.get("class", "").split()}
         if child.tag not in _NO_TEXT and classes.isdisjoint(_NO_TEXT_CLASSES):
             in_title = title or child.tag in _HEADING_TAGS or not classes.isdisjoint(_TITLE_CLASSES)
             in_title |= kind == "term" and code is None
@@ -373,7 +373,7 @@ def _read_element(
 
 def _find_kind(element: Any) -> str:
     """Return the kind of entry that an element begins, or an empty text."""
-    anchor, classes = element.get("id", ""), {*element.classes}
+    anchor, classes = element.get("id", ""), element.get("class", "").split()
     if element.tag in ("section", "figure") and anchor:
         return str(element.tag)
     if anchor.startswith("equation-"):

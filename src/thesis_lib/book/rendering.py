@@ -85,7 +85,7 @@ def pack_book(book: Path, place: Path) -> None:
                 entry.create_system, entry.external_attr = 3, 0o100644 << 16  # everywhere alike
                 stored = path.suffix in _COMPRESSED_SUFFIXES
                 entry.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
-                packed.writestr(entry, path.read_bytes(), compresslevel=6)
+                packed.writestr(entry, path.read_bytes(), compresslevel=4)
 
     whole_file(place, write_archive)
 
