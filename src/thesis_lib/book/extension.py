@@ -21,7 +21,6 @@ from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
 from thesis_lib.book import find_figure_names
-from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.web.html import render_html
 
 MAX_DESCRIPTION_LENGTH = 200
@@ -176,7 +175,7 @@ def _add_binder_button(app: Any, page: str, _template: str, context: Any, _tree:
     name = page.rpartition("/")[2]
     options = app.config.html_theme_options
     address = str(options.get("repository_url") or "").rstrip("/").removesuffix(".git")
-    if not address or name not in STUDIES:
+    if not address or not (Path(app.srcdir).parent / "notebooks" / f"{name}.ipynb").is_file():
         return
     branch = options.get("repository_branch") or "main"
     _, github, path = address.partition("https://github.com/")

@@ -77,14 +77,16 @@ def name_controls(page: html.HtmlElement) -> None:
 
     ``tests/book/test_book_pages.py`` checks them with axe in a browser.
     """
-    for link in page.find_class("internal"):
-        fold = link.getnext()
-        if fold is not None and fold.tag == "details":
+    for fold in page.iter("details"):
+        link = fold.getprevious()
+        if link is not None and "internal" in link.classes:
             fold.find("summary").set("aria-label", f"Pages below: {link.text_content().strip()}")
     superfluous = (
-        (page.find_class("search-button-field"), "aria-label"),  # its own text says more
+        # Its own text says more
+        (page.xpath("//button[contains(@class, 'search-button-field')]"), "aria-label"),
         (page.xpath("//summary[@aria-label='Toggle hidden content']"), "aria-label"),
-        (page.find_class("theme-switch"), "title"),  # a second text next to the button's name
+        # A second text next to the name of each symbol
+        (page.xpath("//i[contains(@class, 'theme-switch')]"), "title"),
         (page.xpath("//form[contains(@class, 'bd-search')]"), "action"),
         (page.xpath("//form[contains(@class, 'bd-search')]"), "method"),
     )
