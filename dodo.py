@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any
 
 from thesis_lib.book import build, explorer, find_figure_names, rendering
@@ -88,12 +89,12 @@ def task_assets() -> Iterator[dict[str, Any]]:
 def task_piece() -> Iterator[dict[str, Any]]:
     """Write the tables, sentences and pictures that pages include."""
     others = [path for path in NOTEBOOKS if path.stem != "claims"]
-    last = [name for name in texts.PIECES if name in texts.OF_LEDGER]
-    numbers = [name for name in texts.PIECES if name not in last]
+    elsewhere = {*texts.OF_LEDGER, *texts.OF_NO_CUBE, *chain(*map(texts.list_own, STUDIES))}
+    numbers = [name for name in texts.PIECES if name not in elsewhere]
     figures = find_figure_names(PAGES)
     data = ExperimentResolution().recordings.stored_path
 
-    def write(names: list[str], but: str = "") -> None:
+    def write(names: Sequence[str], but: str = "") -> None:
         made = build.list_cubes(name for name in STUDIES if name != but)
         texts.write_pieces(made, EXECUTED_FOLDER, names)
 
@@ -110,7 +111,16 @@ def task_piece() -> Iterator[dict[str, Any]]:
         included(*numbers),
     )  # fmt: skip
     yield make_task(
-        "numbers of the ledger", lambda: write(last), [*NOTEBOOKS, *TEXT_CODE], included(*last)
+        "numbers of structures",
+        lambda: texts.write_pieces([], EXECUTED_FOLDER, texts.OF_NO_CUBE),
+        [*PUBLISHED, *TEXT_CODE],
+        included(*texts.OF_NO_CUBE),
+    )
+    yield make_task(
+        "numbers of the ledger",
+        lambda: write(texts.OF_LEDGER),
+        [*NOTEBOOKS, *TEXT_CODE],
+        included(*texts.OF_LEDGER),
     )
     yield make_task(
         "figure of the conclusions",
@@ -171,14 +181,16 @@ def task_piece() -> Iterator[dict[str, Any]]:
 
 
 def task_figures() -> Iterator[dict[str, Any]]:
-    """Draw the figures of chapters, and write the numbers of each cube to download."""
-    code = list_code("book/pieces", "facts", "figure_sets", "plotting")
+    """Draw the figures of chapters, and write the numbers of each cube, to include and download."""
     for name in (*STUDIES, illustrations.FACTS):
         drawn = [one for one, (of, _) in illustrations.FIGURES.items() if of == name]
+        told = texts.list_own(name)
 
-        def act(name: str = name, drawn: list[str] = drawn) -> None:
-            illustrations.write_illustrations(build.list_cubes([name]), EXECUTED_FOLDER, drawn)
-            rendering.write_tables(build.TABLES_FOLDER, build.list_cubes([name]))
+        def act(name: str = name, drawn: list[str] = drawn, told: list[str] = told) -> None:
+            made = build.list_cubes([name])
+            illustrations.write_illustrations(made, EXECUTED_FOLDER, drawn)
+            texts.write_pieces(made, EXECUTED_FOLDER, told)
+            rendering.write_tables(build.TABLES_FOLDER, made)
 
         of = [result_files(name)[0]]
         if name == illustrations.FACTS:
@@ -186,8 +198,8 @@ def task_figures() -> Iterator[dict[str, Any]]:
         yield make_task(
             f"figures and numbers of {name}",
             act,
-            [*of, *code],
-            [EXECUTED_FOLDER / one for one in drawn],
+            [*of, *TEXT_CODE],
+            [EXECUTED_FOLDER / one for one in (*drawn, *(f"{one}.md" for one in told))],
         )
 
 

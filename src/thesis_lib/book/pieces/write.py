@@ -11,13 +11,13 @@ from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.parametric import figures as shape_figures, sound
 
 
-def write_pieces(made: Sequence[Path], folder: Path, names: Iterable[str] = ()) -> None:
+def write_pieces(made: Sequence[Path], folder: Path, names: Iterable[str] | None = None) -> None:
     """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by their `names`.
 
     Pieces that need figure sets without a cube say that these are missing.
     """
     opened = Opened(made)
-    for name in names or PIECES:
+    for name in PIECES if names is None else names:
         opened.wanted.clear()
         texts = []
         try:
@@ -55,17 +55,24 @@ def _fill_piece(figure_set: str, text: str, opened: Cubes) -> str:
     return display.fill_text(opened[figure_set], text, *[True] * (text in FIRST_AND_LAST))
 
 
+def list_own(figure_set: str) -> list[str]:
+    """Return the names of the pieces that are filled in from the cube of a figure set alone."""
+    return [f"{figure_set}-{text}" for text in CUBE_TEXTS.get(figure_set, ())]
+
+
 OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conclusions-wishes")
 """Those that read the cube of the ledger, which comes after all others."""
+OF_NO_CUBE = ("planner-example", "shapes-convergence", "sound-markers", "beam-model", "plate-model")
+"""Those that take long and read no cube."""
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_figures.PIECES,
     **findings.PIECES,
     **structures.PIECES,
     **{
-        f"{of}-{text}": partial(_fill_piece, of, text)
-        for of, texts in CUBE_TEXTS.items()
-        for text in texts
+        name: partial(_fill_piece, of, name.removeprefix(f"{of}-"))
+        for of in CUBE_TEXTS
+        for name in list_own(of)
     },
     "sound-sum": sound.compare_sums,
     **conclusions.PIECES,
