@@ -125,7 +125,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     yield make_task(
         "figure of the conclusions",
         lambda: factors.write_summary_figure(build.list_cubes(), EXECUTED_FOLDER),
-        [*NOTEBOOKS, *TEXT_CODE], [EXECUTED_FOLDER / factors.FIGURE_FILE],
+        [*others, *TEXT_CODE], [EXECUTED_FOLDER / factors.FIGURE_FILE],
     )  # fmt: skip
     yield make_task(
         "figures of notebooks",
