@@ -285,7 +285,7 @@ def without_pictures(values):
         del camera["board_images"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_reused_calibration_gives_the_same_shape(conforms, first):
     """With its places found anew from the same images."""
     before = xr.load_dataset(first / "measured" / "measured.nc")
