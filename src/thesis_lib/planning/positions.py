@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy
 
 from thesis_lib.arrays import Array, Mask, NDArray
 from thesis_lib.vibration.structure import Structure, deflection_shape
@@ -305,7 +304,9 @@ def shows_enough(scene: Scene, seen: Mask) -> Mask:
 
 def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
     """Return which positions are far enough from all others, shape (places,)."""
-    gap = scipy.spatial.distance.cdist(camera_centres(scene, places), camera_centres(scene, others))
+    from scipy.spatial.distance import cdist  # late: the list of figure sets needs no SciPy
+
+    gap = cdist(camera_centres(scene, places), camera_centres(scene, others))
     return np.asarray(np.all(gap >= scene.rules.least_gap, axis=1))
 
 

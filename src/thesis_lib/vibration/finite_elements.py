@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy
 
 from thesis_lib.arrays import Array, IntArray
 
@@ -76,8 +75,10 @@ def locate_points(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
     weights : ndarray, shape (3, n)
         Barycentric coordinates, which are not negative and add up to 1.
     """
+    from scipy.spatial import cKDTree
+
     a, b, c = mesh.p[:, mesh.t].transpose(1, 0, 2)  # each (2, triangles)
-    tree, total = scipy.spatial.cKDTree(((a + b + c) / 3).T), mesh.t.shape[1]
+    tree, total = cKDTree(((a + b + c) / 3).T), mesh.t.shape[1]
     cells, weights = np.zeros(points.shape[1], np.int64), np.full((3, points.shape[1]), -np.inf)
     left, near = np.arange(points.shape[1]), 8
     while len(left):

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from thesis_lib.arrays import Array, ArrayLike, IntArray, Mask
 
@@ -225,6 +224,8 @@ def triangulate_polygon(
         If there would be fewer than 200 or more than 60 000 triangles, or the region is too narrow
         for elements of this size.
     """
+    from scipy.spatial import Delaunay
+
     count = abs(polygon_area(outline)) / (np.sqrt(3) / 4 * size**2)
     if not MIN_TRIANGLES <= count <= MAX_TRIANGLES:
         made = f"this one makes {count:.0f}"
@@ -232,7 +233,7 @@ def triangulate_polygon(
         raise ShapeError("element_size", f"{size:g} m", allowed)
     loops = [_cut_polygon(outline, size), *(divide_hole(hole, size) for hole in holes)]
     points = _place_points(outline, holes, size, loops)
-    corners = scipy.spatial.Delaunay(points.T).simplices
+    corners = Delaunay(points.T).simplices
     corners = corners[polygon_contains(loops[0], points[:, corners].mean(axis=2), loops[1:])]
     twice = _twice_areas(points, corners)
     real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
