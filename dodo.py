@@ -89,7 +89,7 @@ def task_assets() -> Iterator[dict[str, Any]]:
 def task_piece() -> Iterator[dict[str, Any]]:
     """Write the tables, sentences and pictures that pages include."""
     others = [path for path in NOTEBOOKS if path.stem != "claims"]
-    elsewhere = {*texts.OF_LEDGER, *texts.OF_NO_CUBE, *chain(*map(texts.list_own, STUDIES))}
+    elsewhere = {*texts.OF_LEDGER, *texts.OF_NO_CUBE, *chain(*texts.OWN_PIECES.values())}
     numbers = [name for name in texts.PIECES if name not in elsewhere]
     figures = find_figure_names(PAGES)
     data = ExperimentResolution().recordings.stored_path
@@ -184,7 +184,7 @@ def task_figures() -> Iterator[dict[str, Any]]:
     """Draw the figures of chapters, and write the numbers of each cube, to include and download."""
     for name in (*STUDIES, illustrations.FACTS):
         drawn = [one for one, (of, _) in illustrations.FIGURES.items() if of == name]
-        told = texts.list_own(name)
+        told = [*texts.OWN_PIECES.get(name, ())]
 
         def act(name: str = name, drawn: list[str] = drawn, told: list[str] = told) -> None:
             made = build.list_cubes([name])

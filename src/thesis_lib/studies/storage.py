@@ -130,8 +130,8 @@ class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
 def read_attributes(path: Path) -> dict[str, Any]:
     """Return the attributes of a netCDF file as a whole, without its variables."""
     with _HDF5_LOCK, h5py.File(path) as file:
-        every = file.attrs.items()  # numbers are stored as arrays of one
-        return {name: one[0] if isinstance(one, np.ndarray) else one for name, one in every}
+        # Single numbers are stored as arrays of one
+        return {k: v[0] if np.shape(v) == (1,) else v for k, v in file.attrs.items()}
 
 
 def open_netcdf(path: Path) -> xr.Dataset:

@@ -20,7 +20,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.special import erf
+import scipy
 
 from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.recordings.board import Board
@@ -463,7 +463,7 @@ def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array
         curved = d - kappa * t**2 / 2
         slope = 2 / np.sqrt(np.pi) * np.exp(-((curved / s) ** 2)) / s
         by_centre = sin + kappa * t * cos, -cos + kappa * t * sin
-        edges.append((erf(curved / s), slope, curved, *by_centre, -t - kappa * t * d))
+        edges.append((scipy.special.erf(curved / s), slope, curved, *by_centre, -t - kappa * t * d))
     (f, df, x, *f_centre, f_angle), (g, dg, y, *g_centre, g_angle) = edges
     fg, gf = half * g * df, half * f * dg
     centre = [fg * one + gf * other for one, other in zip(f_centre, g_centre, strict=True)]

@@ -24,7 +24,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from scipy.linalg import block_diag
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import bundle_adjustment as bundle
@@ -222,4 +221,4 @@ def _lenses_alone(observations: Array, points: Array, cameras: Sequence[Camera])
         uv, X = observations[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
         alone = jackknife_cameras(uv, X, bundle.adjust_bundle(uv, X, [camera]))
         blocks.append(alone.covariance[bundle.POSE_UNKNOWNS :, bundle.POSE_UNKNOWNS :])
-    return np.asarray(block_diag(*blocks))
+    return np.asarray(scipy.linalg.block_diag(*blocks))

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pyuff
 import scipy
-import scipy.io
 import xarray as xr
 
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray

@@ -170,8 +170,8 @@ def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
     freedom = max(len(poles.each) - 1, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         squares = np.nansum((poles.each / poles.each_deviation) ** 2, axis=0)
-    chance = scipy.stats.chi2.ppf(MAX_CHANCE, freedom)
-    ratio = np.where(squares > chance, np.sqrt(squares / freedom), 1.0)
+    bound = scipy.stats.chi2.ppf(MAX_CHANCE, freedom)
+    ratio = np.where(squares > bound, np.sqrt(squares / freedom), 1.0)
     ratio = np.maximum(ratio, np.repeat(wider, 2))
     covariance = poles.covariance * np.outer(ratio, ratio)
     changed = np.zeros_like(poles.rates)

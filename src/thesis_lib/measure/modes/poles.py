@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.fft import next_fast_len, rfft
+import scipy
 
 from thesis_lib.arrays import Array, IntArray, Mask
 
@@ -242,11 +242,11 @@ def residual_spectrum(
         step = float(np.median(np.diff(block.times))) / POINTS_PER_FRAME
         step /= max(1, int(np.ceil(band[1] * POINTS_PER_FRAME * step)))
         place = np.rint((block.times - block.times[0]) / step).astype(int)
-        length = next_fast_len(max(int(POINTS_PER_LINE * span / step), place[-1] + 1))
+        length = scipy.fft.next_fast_len(max(int(POINTS_PER_LINE * span / step), place[-1] + 1))
         lines = np.zeros(length // 2 + 1)
         for series in left.T:
             grid = np.bincount(place, series, length).astype(np.float32)
-            lines += np.abs(rfft(grid)) ** 2 / len(block.times)
+            lines += np.abs(scipy.fft.rfft(grid)) ** 2 / len(block.times)
         own = np.interp(even, np.arange(len(lines)) / (length * step), lines)
         logs += np.log(np.maximum(own / max(float(np.median(own)), MIN_POWER), MIN_POWER))
     return Spectrum(even, np.exp(logs / len(blocks)))

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.io import wavfile
 
 from thesis_lib.acoustics import estimates, surfaces
 from thesis_lib.acoustics.planes import Plane
@@ -182,7 +182,7 @@ def write_sound(folder: Path, data: xr.Dataset) -> None:
     text_files.write_csv(sound_table(data), folder / "radiated.csv", "%.6g")
     for number in range(data.sizes["point"]):
         samples = audible_pressure(data, number).astype(np.float32)
-        wavfile.write(folder / f"heard-{number + 1}.wav", SOUND_RATE_HZ, samples)
+        scipy.io.wavfile.write(folder / f"heard-{number + 1}.wav", SOUND_RATE_HZ, samples)
 
 
 def audible_pressure(data: xr.Dataset, point: int) -> Array:

@@ -22,7 +22,6 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 import xarray as xr
-from scipy.linalg import block_diag
 
 from thesis_lib.acoustics import estimates, radiation, surfaces
 from thesis_lib.acoustics.planes import Plane
@@ -289,7 +288,7 @@ def _of_bands(
     found = []
     for band, shape in zip(bands, shapes, strict=True):
         # The rows (k, markers) of each tone as rows of the amplitudes of all tones in the band.
-        each = [block_diag(*(rows[k] for k in band)) for rows in (ways, *heard)]
+        each = [scipy.linalg.block_diag(*(rows[k] for k in band)) for rows in (ways, *heard)]
         sums = [estimates.estimate_sum(one, shape) for one in each]
         found.append([(one.value, one.error) for one in sums])
     value, error = np.moveaxis(np.array(found), -1, 0)  # (bands, 1 + points)

@@ -25,8 +25,6 @@ from typing import Any
 import numpy as np
 import scipy
 import xarray as xr
-from scipy.linalg import solve_banded
-from scipy.sparse import diags_array
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.modes.identify import rest_of
@@ -146,8 +144,8 @@ def estimate_blur(receptance: ComplexArray) -> ComplexArray:
     """
     bands = np.tile([[HANN_SHARE], [1 - 2 * HANN_SHARE], [HANN_SHARE]], len(receptance))
     bands[1, [0, -1]] += HANN_SHARE
-    blur = diags_array([bands[0, 1:], bands[1], bands[2, 1:]], offsets=[-1, 0, 1])
-    sharp = solve_banded((1, 1), bands, receptance, check_finite=False)
+    blur = scipy.sparse.diags_array([bands[0, 1:], bands[1], bands[2, 1:]], offsets=[-1, 0, 1])
+    sharp = scipy.linalg.solve_banded((1, 1), bands, receptance, check_finite=False)
     power = blur @ np.abs(sharp) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
         second = power / receptance.conj()

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from scipy.special import i0
 
 from thesis_lib.arrays import Array, ArrayLike, NDArray, Signal
 from thesis_lib.measure.recordings.audio import AudioTrack, open_audio
@@ -217,7 +216,7 @@ def _phases(ratio: float) -> Array:
     shift = np.arange(TAP_PHASES + 1)[:, None] / TAP_PHASES
     x = (np.arange(-reach, reach + 2) - shift) / ratio
     inside = np.clip(1 - (x / FILTER_REACH_SAMPLES) ** 2, 0, None)
-    window = i0(KAISER_BETA * np.sqrt(inside)) / i0(KAISER_BETA)
+    window = scipy.special.i0(KAISER_BETA * np.sqrt(inside)) / scipy.special.i0(KAISER_BETA)
     taps = np.sinc(x) * window * (np.abs(x) <= FILTER_REACH_SAMPLES)
     return np.asarray(taps / taps.sum(axis=1, keepdims=True), float)
 

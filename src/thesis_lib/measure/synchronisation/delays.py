@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from scipy.fft import irfft, rfft
 
 from thesis_lib.arrays import Array, ArrayLike, IntArray, Signal
 from thesis_lib.measure.synchronisation import tones
@@ -53,10 +52,11 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
     first, last = max(-most, 1 - n_y), min(most, n_x - 1)
     size = 1 << (max(n_x, n_y) + most - 1).bit_length()
     size = size // 4 * 3 if max(n_x, n_y) + most <= size // 4 * 3 else size
-    product, other = rfft(_subtract_mean(a), size), rfft(_subtract_mean(b), size)
+    product = scipy.fft.rfft(_subtract_mean(a), size)
+    other = scipy.fft.rfft(_subtract_mean(b), size)
     product *= np.conj(other, out=other)
     del other  # each is large
-    values = irfft(product, size, overwrite_x=True)
+    values = scipy.fft.irfft(product, size, overwrite_x=True)
     del product
     c = np.concatenate([values[first:] if first else values[:0], values[: last + 1]])
     del values

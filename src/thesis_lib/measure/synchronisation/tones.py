@@ -8,7 +8,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import scipy
-from scipy.fft import next_fast_len, rfft
 
 from thesis_lib.arrays import ArrayLike, Signal
 from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
@@ -68,11 +67,11 @@ def strongest_frequency(
     """
     x = np.asarray(signal)
     n = len(x) if most is None else min(len(x), most)
-    size = next_fast_len(4 * n, real=True)
+    size = scipy.fft.next_fast_len(4 * n, real=True)
     window, power = np.hanning(n), np.zeros(size // 2 + 1)
     for k in range(0, len(x) - n + 1, n):
         part = x[k : k + n]
-        power += np.abs(rfft((part - part.mean(dtype=float)) * window, size)) ** 2
+        power += np.abs(scipy.fft.rfft((part - part.mean(dtype=float)) * window, size)) ** 2
     near = np.arange(int(low * size / rate) + 1, min(high * size / rate, len(power)), dtype=int)
     return float(near[np.argmax(power[near])] * rate / size) if len(near) else low
 
@@ -113,7 +112,7 @@ def frequency_deviation(signal: ArrayLike, rate: float, frequency: float) -> flo
     for k in range(0, len(x) - n + 1, n):
         w = 2 * np.pi * frequency / rate * np.arange(k, k + n)
         left = x[k : k + n] - amplitude.real * np.cos(w) + amplitude.imag * np.sin(w)
-        spectrum = rfft((left - left.mean()) * window)
+        spectrum = scipy.fft.rfft((left - left.mean()) * window)
         powers.append(np.mean(np.abs(spectrum[near]) ** 2) / (window @ window))
     noise = float(np.mean(powers))
     seconds = len(x) / rate

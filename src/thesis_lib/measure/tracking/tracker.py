@@ -14,7 +14,6 @@ from functools import cache
 import cv2
 import numpy as np
 import scipy
-from scipy.special import ndtr
 
 from thesis_lib.arrays import Array, Image, IntArray, Mask
 from thesis_lib.measure.recordings.board import Markers
@@ -400,7 +399,7 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
     along, d_along = np.diff(left - right)
     # (n, rows + 1, chords)
     offset = (_pixel_borders(v)[:, :, None] - tall[:, None, None] * sine) / blur
-    spread = np.diff(ndtr(offset), axis=1)
+    spread = np.diff(scipy.special.ndtr(offset), axis=1)
     d_spread = -np.diff(_normal_density(offset), axis=1) / blur
     chord = tall[:, None, None] * weights * cosine * np.pi / 2
     along, spread, d_spread = blur * along, chord * spread, chord * d_spread
@@ -419,5 +418,5 @@ def _normal_density(x: Array) -> Array:
 
 def _ramp_and_normal(x: Array) -> Array:
     """Return the integral of the normal distribution, and itself, shape (2, ...)."""
-    normal = ndtr(x)
+    normal = scipy.special.ndtr(x)
     return np.stack([x * normal + _normal_density(x), normal])
