@@ -72,8 +72,9 @@ platforms: $(BOOK)  ## whether all wheels are there for every platform and Pytho
 	$(BIN)/python requirements/platforms.py
 
 lock: $(BOOK)  ## renew all pins: one resolution of pyproject.toml, and the book's part of it
-	$(LOCK) --all-extras pyproject.toml -o requirements.lock
+	$(LOCK) --extra book --extra pdf --extra heic --extra dev pyproject.toml -o requirements.lock
 	$(LOCK) --extra book --constraint requirements.lock pyproject.toml -o requirements/book.txt
+	echo distributed | $(LOCK) --constraint requirements.lock - -o requirements/scale.txt
 	$(LOCK) --group install -o requirements/uv.txt
 	$(LOCK) --group npm -o requirements/npm.txt
 
@@ -91,6 +92,8 @@ $(BOOK):
 	$(UV) --no-build-isolation -e .
 	touch $@
 
+# Dask stands apart: wherever it is installed, xarray imports it, which costs every process a second.
 $(ALL): | $(BOOK)
 	$(UV) $(WHEELS) -r requirements.lock
+	$(UV) $(WHEELS) --target .venv/scale -r requirements/scale.txt
 	touch $@

@@ -20,6 +20,7 @@ LOCKS = (
     "requirements/uv.txt",
     "requirements/book.txt",
     "requirements.lock",
+    "requirements/scale.txt",
     "requirements/npm.txt",
 )
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")

@@ -13,7 +13,7 @@ import pytest
 from browser import browser, find_browser
 from command import hears_signals
 
-pytest_plugins = ["conforms", "small_book", "tiers"]
+pytest_plugins = ["conforms", "scenes.shared", "small_book", "tiers"]
 PROJECT = Path(__file__).parents[1]
 PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml", "dodo.py",
          "book/_toc.yml"]  # fmt: skip

@@ -25,7 +25,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def cube():
-    return small_cube("design-law", trials=60)
+    return small_cube("design-law")
 
 
 # Closed forms.

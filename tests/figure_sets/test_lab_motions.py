@@ -277,6 +277,7 @@ def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms)
     conforms.closed_form(float(cube["mean_error"].max()), below=0.3)
 
 
+@pytest.mark.nightly
 def test_the_tracker_knows_where_markers_go_between_frames_that_are_far_apart(
     conforms, monkeypatch
 ):

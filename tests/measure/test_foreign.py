@@ -142,6 +142,7 @@ def test_stated_deviations_are_those_of_refits_without_each_photograph(conforms,
     conforms.independent(deviations_of(full) / known, below=0.8)
 
 
+@pytest.mark.nightly
 @needs_photographs
 def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair):
     """Of calibrations that share no photograph."""

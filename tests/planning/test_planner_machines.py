@@ -98,7 +98,7 @@ def test_layouts_do_not_hang_on_last_digits(digits, name, objective):
     assert same(layouts(SCENES[name], objective), expected)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_markers_in_another_order_have_the_same_layouts():
     scene = SCENES["square"]
     order = np.random.default_rng(1).permutation(scene.body.points.shape[1])

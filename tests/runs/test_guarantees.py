@@ -259,7 +259,7 @@ def test_of_two_commands_in_one_folder_the_second_is_refused(
     assert first.process.wait(timeout=300) == 0, first.said()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_full_disk_and_a_killed_kernel_are_told_in_one_line_and_nothing_is_lost(apart, tmp_path):
     run = ["run", BAD, "-p", "trials=1", "--out", "out"]
     shorten(apart, BAD)

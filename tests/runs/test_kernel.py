@@ -77,7 +77,7 @@ def same(one, other):
     return a.identical(b)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(checkout, tmp_path):
     checkout.change(NAME, until_study)
     done = checkout.thesis(*RUN, tmp_path / "plain", cwd=tmp_path)

@@ -2,6 +2,8 @@
 
 from functools import cache
 
+from scenes.shared import shared
+
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import compute
@@ -22,7 +24,7 @@ def sets():
     return [name for name in STUDIES if name in named]
 
 
-@cache
+@shared
 def cube_of(name):
     if STUDIES[name].subject in ("experiment", "lab"):
         return cube_file.cube_of(STUDIES[name]())  # from the recordings that are stored
@@ -35,13 +37,13 @@ def cube_of(name):
     return with_provenance(cube, request, 0.0, cube_file.code_digest(FIGURE_SETS[name]))
 
 
-@cache
+@shared
 def own_cube():
     """The ledger's own runs."""
     return compute.run_layouts(Claims(trials=TRIALS))
 
 
-@cache
+@shared
 def own():
     """Their series."""
     return compute.read_own(own_cube())

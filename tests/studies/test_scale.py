@@ -2,6 +2,7 @@
 
 import socket
 import subprocess
+import sys
 import time
 
 import numpy as np
@@ -9,12 +10,14 @@ import pytest
 import xarray as xr
 from command import thesis
 
+from conftest import PROJECT
 from thesis_lib.figure_sets.parametric import compute as studies, sound
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import workers
 from thesis_lib.studies.request import ParameterError
 
+sys.path.append(str(PROJECT / ".venv" / "scale"))  # where the Makefile puts Dask
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")
 dask = pytest.importorskip("dask")
 
