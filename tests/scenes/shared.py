@@ -1,4 +1,4 @@
-"""Results that several tests look at and none changes: computed once for all of pytest's workers."""
+"""Results that tests look at and none changes: computed once for all of pytest's workers."""
 
 import os
 import pickle

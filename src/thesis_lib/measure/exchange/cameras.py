@@ -74,9 +74,17 @@ class Found:
 def read_cameras(path: Path, unit: str | None = None) -> Found:
     """Return the cameras of a calibration in a file or folder.
 
-    A folder is that of a measurement, or has a file for each camera. The unit of lengths, "m" or
-    "mm", is what the file says if it is not given, or m. A :class:`ManifestError` is raised, in one
-    line, if the calibration cannot be read, or has cameras that cannot be used.
+    Parameters
+    ----------
+    path : Path
+        A file, the folder of a measurement, or a folder with a file for each camera.
+    unit : str, optional
+        Unit of lengths, "m" or "mm"; without it what the file says, or m.
+
+    Raises
+    ------
+    ManifestError
+        In one line, if the calibration cannot be read, or has cameras that cannot be used.
     """
     if path.is_dir():
         if (path / OWN_FILE).is_file():

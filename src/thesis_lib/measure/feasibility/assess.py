@@ -87,6 +87,16 @@ def assess_manifest(manifest: Manifest) -> Assessment:
     """Return what the manifest's recordings can reach, what they cannot, and what is unknown.
 
     No file is read. The standard errors assume a scatter of the centres of :data:`CENTRE_NOISE_PX`.
+
+    Parameters
+    ----------
+    manifest : Manifest
+        Structure, cameras with places and lenses, board and excitation.
+
+    Returns
+    -------
+    Assessment
+        What each camera sees, errors in mm and in parts of the amplitude, warnings, a verdict.
     """
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
     steady, slowest = prediction.steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)

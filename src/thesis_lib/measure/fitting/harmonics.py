@@ -129,7 +129,21 @@ def sums_of(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -
 def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Harmonics:
     """Return the least-squares harmonics of values (times, ...); NaN is left out.
 
-    A series with fewer values than coefficients plus two has NaN for all of its coefficients.
+    Parameters
+    ----------
+    omega : float
+        Angular frequency of the first harmonic in rad/s.
+    times : array_like, shape (times,) or (times, ...)
+        In s.
+    values : array_like, shape (times, ...)
+        Series to fit, each by itself.
+    order : int
+        Number of harmonics.
+
+    Returns
+    -------
+    Harmonics
+        NaN for a series with fewer values than coefficients plus two.
     """
     values = np.asarray(values, float)
     sums = sums_of(omega, times, values, order)

@@ -19,10 +19,21 @@ GRID_SHARE, GRID_SCALE = 0.1, 0.01  # most distance over spacing, and error of s
 
 
 def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
-    """Return the points (3, ...) in m from the cameras that see them, and how many do (...).
+    """Triangulate points from the cameras that see them.
 
-    By projection matrices (cameras, 3, 4), of images (cameras, 2, ...) in px, NaN where a camera
-    does not see a point. A point that fewer than two cameras see is NaN.
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    uv : array_like, shape (cameras, 2, ...)
+        Images in px, NaN where a camera does not see a point.
+
+    Returns
+    -------
+    points : ndarray, shape (3, ...)
+        In m; NaN where fewer than two cameras see the point.
+    counts : ndarray of int, shape (...)
+        Number of cameras that see each point.
     """
     P, uv = np.asarray(P, float), np.asarray(uv, float)
     flat = uv.reshape(len(P), 2, -1)

@@ -152,7 +152,15 @@ def identify_modes(
 def modal_assurance(shapes_: ArrayLike) -> Array:
     """Return the modal assurance criterion of complex shapes (modes, markers) among each other.
 
-    |aᴴb|² / (aᴴa bᴴb) over the markers that are known in both, shape (modes, modes).
+    Parameters
+    ----------
+    shapes_ : array_like, shape (modes, markers)
+        Complex deflections, NaN where a marker is not known.
+
+    Returns
+    -------
+    ndarray, shape (modes, modes)
+        |aᴴb|² / (aᴴa bᴴb) over the markers that are known in both.
     """
     a = np.asarray(shapes_, complex)
     a = np.where(np.isfinite(a).all(axis=0), a, 0)

@@ -149,10 +149,23 @@ def read_frames(
     """Yield frames `start` to `stop` of a video in gray of full range, (height, width).
 
     Colour becomes luma, a limited range (16…235) is stretched to 0…255, as are fewer than 16 bits
-    in 16, and a frame is turned and mirrored as it is to be shown. With a `clock`, the times of
-    all frames after the first, shape (frames,), frames may come at any time, and there are as many
-    as these; without, they come at the file's rate. A :class:`MediaError` is raised while the
-    frames are taken: as by :func:`probe_media`, or if a frame is missing or cannot be decoded.
+    in 16, and a frame is turned and mirrored as it is to be shown.
+
+    Parameters
+    ----------
+    path : Path
+        The video.
+    start, stop : int
+        First frame, and the one after the last; None for all.
+    clock : ndarray, shape (frames,), optional
+        Times of all frames after the first in s. Frames may then come at any time, and there are
+        as many as these; without it they come at the file's rate.
+
+    Raises
+    ------
+    MediaError
+        While frames are taken: as by :func:`probe_media`, or if a frame is missing or cannot be
+        decoded.
     """
     info = probe_media(path)
     with open_media(path) as file:

@@ -24,6 +24,11 @@ MIN_AGREED_SHARE = 0.9  # share of the windows below which it is said that they 
 def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     """Return starts and clocks of all videos but the first, relative to it, and the names of all.
 
+    Parameters
+    ----------
+    videos : sequence of Path
+        Two or more videos with sound, or sounds alone.
+
     Raises
     ------
     MediaError, SynchronisationError

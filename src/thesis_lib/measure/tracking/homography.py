@@ -87,6 +87,20 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
 
     The hole tells the two ends apart. Corners that are given instead go to :func:`view_of`.
 
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w)
+        Grey levels.
+    camera : Camera
+        Intrinsics and distortion of the camera; where it stands is not used.
+    markers : Markers
+        Size of the beam, and places of its markers and its hole.
+
+    Returns
+    -------
+    View
+        Homography between the beam's plane in m and the undistorted image.
+
     Raises
     ------
     TrackingError
