@@ -16,8 +16,9 @@ WORKERS ?= 3
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile \
 	--nbval tests $(NOTEBOOKS)
 NOTEBOOKS := notebooks/beam-distance.ipynb notebooks/sound-distance.ipynb
-# The folders of tests of what differs from the last commit, new files included: of src/thesis_lib/vision/ tests/vision/.
-EDITED = $(shell git status --porcelain | sed -nE 's,^.. (src/thesis_lib|tests)/([a-z_]+)/.*,tests/\2/,p')
+# The folders of tests of what differs from the last commit, new files included: of src/thesis_lib/vision/ tests/vision/,
+# of a notebook tests/notebook/.
+EDITED = $(shell git status --porcelain | sed -nE 's,^.. (src/thesis_lib|tests)/([a-z_]+)/.*,tests/\2/,p; s,^.. notebooks/.*,tests/notebook/,p')
 
 .PHONY: book pdf test tests test-all test-nightly test-cpus test-newest quick check bench photographs platforms lock clean
 

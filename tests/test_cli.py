@@ -91,14 +91,10 @@ def test_json_lists_sets_and_parameters():
 # The ledger.
 
 
-@pytest.mark.nightly
-def test_claims_without_cubes_names_them_and_ends_well(checkout, tmp_path):
+def test_claims_without_results_are_refused_at_once(checkout, tmp_path):
     done = checkout.thesis("claims", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert re.search(r"chapter 4\n\s+(\d+) stated values +\1 undefined", done.stdout)
-    for name in ("beam-distance", "plate-arrays", "sound-aperture", "experiment-cameras"):
-        assert f"cube {name}.nc is missing: run `thesis book`" in done.stdout
-    assert list(tmp_path.iterdir()) == []
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "thesis: claims: there is no result yet, allowed: after `thesis book`\n"
 
 
 @pytest.mark.slow
@@ -129,6 +125,11 @@ def test_claims_as_json_has_every_claim_once():
         (["run", "claims", "-p", 'readings=["51 mm lens"]'], ["51 mm lens", "rest known"]),
         (["plan", "--out", "x" * 300], ["--out", "xxx"]),
         (["compare", "x\ny.nc"], ["y.nc"]),
+        (["compare", ""], ["A.nc", "it is empty"]),
+        (["run", ""], ['"": no such figure set']),
+        (["new-set", ""], ['given ""', "small letters"]),
+        (["measure"], ["given none", "one of MANIFEST.yaml"]),
+        (["print", "board", "b.pdf", "--tile-mm", "nan"], ["--tile-mm", "nan is no number"]),
     ],
     ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else None,
 )

@@ -312,6 +312,7 @@ def test_a_folded_mode_is_named_by_its_frequency():
         ({"excitation__amplitude_mm": 0.001}, "none", "It will not do: it takes a deflection of"),
         ({"excitation__amplitude_mm": None}, "amplitude unknown", "will do from a largest deflect"),
         ({f"cameras__{i}__distance_mm": None for i in range(3)}, "unknown", "give lens and place"),
+        ({f"cameras__{i}__distance_mm": 1.0 for i in range(4)}, "unseen", "will not do: 0 % of"),
     ],
 )
 def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
@@ -321,6 +322,18 @@ def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
     if np.isfinite(found.verdict.compressed_from_mm):  # what it takes would do
         enough = {"excitation__amplitude_mm": 1.001 * found.verdict.compressed_from_mm}
         assert assessed(change(rig(), **enough)).verdict.outcome == "compressed"
+
+
+def test_nothing_of_a_steady_sine_is_said_of_a_receptance():
+    excitation = {"kind": "sweep", "amplitude_mm": 2.5, "frequency_hz": None}
+    found = assessed(rig(excitation=excitation, force={"file": "force.csv", "offset_s": 0.0}))
+    assert found.verdict.outcome == "response"
+    said = [*assess.describe_assessment(found), *assess.describe_verdict(found)]
+    lines = " ".join(joined(said))
+    assert "How exact the motion over the force will be is not predicted" in lines
+    assert "not checked: errors of the motion over the force" in lines
+    for words in ("harmonic fit", "smallest deflection", "steady_interval_s", "It will do"):
+        assert words not in lines
 
 
 # What is not known.

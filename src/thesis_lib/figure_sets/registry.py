@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies.fields import suggest_name
+from thesis_lib.studies.fields import format_given, suggest_name
 from thesis_lib.studies.request import ParameterError, Study, validate_values
 from thesis_lib.text import listed, one_line
 
@@ -54,9 +54,10 @@ def model_of(name: str) -> type[Study]:
     if name not in STUDIES:
         folders = {file.parent.name for file in Path().glob("*/figure_set.py")}
         here = f"for the folder here: thesis run ./{name}; " if name in folders else ""
+        known = [*STUDIES, *CHAPTER_SETS]
         raise ParameterError(
-            f"{one_line(name)}: no such figure set{suggest_name(name, [*STUDIES, *CHAPTER_SETS])}; "
-            f"{here}{listed([*STUDIES, *CHAPTER_SETS], 'thesis list')}"
+            f"{one_line(name) or format_given(name)}: no such figure set"
+            f"{suggest_name(name, known)}; {here}{listed(known, 'thesis list')}"
         )
     return STUDIES[name]
 

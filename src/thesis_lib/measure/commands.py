@@ -18,8 +18,29 @@ if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest import Manifest
 
 Option = Callable[[Callable[..., None]], Callable[..., None]]
-_FILE_TYPE = click.Path(path_type=Path, dir_okay=False)
-_LENGTH_MM = click.FloatRange(0.5, 5000)
+
+
+class FiniteRange(click.FloatRange):
+    """A range of numbers, which NaN is not in."""
+
+    def convert(self, value: Any, *where: Any) -> float:
+        """Return the number, or refuse it."""
+        number: float = super().convert(value, *where)
+        if number != number:
+            self.fail(f"{value} is no number.", *where)
+        return number
+
+
+class PathType(click.Path):
+    """A path that is not empty, which would be the folder where the command runs."""
+
+    def convert(self, value: Any, *where: Any) -> Any:
+        """Return the path, or refuse it."""
+        return super().convert(value, *where) if str(value) else self.fail("it is empty.", *where)
+
+
+_FILE_TYPE = PathType(path_type=Path, dir_okay=False)
+_LENGTH_MM = FiniteRange(0.5, 5000)
 _COUNT_RANGE = click.IntRange(1, 200)
 _TILE_RANGE = click.IntRange(4, 100)
 _PAPER_OPTION = click.option(
@@ -86,7 +107,7 @@ def check_manifest(manifest: Manifest, folder: Path, out: Path | None, as_json: 
         return
     echo(*assess.describe_assessment(assessment), *files, "")
     well = assessment.verdict.outcome == "compressed" and not assessment.warnings
-    failed = assessment.verdict.outcome == "none"
+    failed = assessment.verdict.outcome in ("none", "unseen")
     echo(*verdict, colour="green" if well else "red" if failed else "yellow")
 
 
@@ -151,7 +172,7 @@ def markers(file: Path, **given: Any) -> None:
 
 
 @print_.command(short_help="Draw where the cameras of a manifest stand.")
-@click.argument("manifest", type=click.Path(path_type=Path), metavar="MANIFEST.yaml")
+@click.argument("manifest", type=PathType(path_type=Path), metavar="MANIFEST.yaml")
 @click.argument("file", type=_FILE_TYPE, default=Path("stand.pdf"), required=False)
 @_PAPER_OPTION
 def stand(manifest: Path, file: Path, paper: str) -> None:
@@ -165,10 +186,10 @@ def stand(manifest: Path, file: Path, paper: str) -> None:
 
 
 @click.command(short_help="Find by sound when videos started.")
-@click.argument("videos", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("videos", nargs=-1, required=True, type=PathType(path_type=Path))
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=PathType(path_type=Path, file_okay=False),
     default=Path("sync"),
     show_default=True,
     help="Folder to write to.",
@@ -191,9 +212,9 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
 
 
 @click.command(short_help="Convert images or raw frames to video.")
-@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("source", type=PathType(path_type=Path))
 @click.argument("video", type=_FILE_TYPE, required=False)
-@click.option("--rate-hz", type=click.FloatRange(0.1, 1e6), help="Frames per second.")
+@click.option("--rate-hz", type=FiniteRange(0.1, 1e6), help="Frames per second.")
 def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     """Convert images, raw frames (.cih, .cihx) or a film to a video at its true rate.
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, FIGURE_SETS
 from thesis_lib.files import project_root, staging, whole_file, whole_text
+from thesis_lib.studies.fields import format_given
 from thesis_lib.studies.request import Study, describe_parameters, whole_numbers
 from thesis_lib.text import RefusedError
 
@@ -81,7 +82,7 @@ def write_set(name: str, title: str = "") -> list[Path]:
     inside = place.name == name
     if not NAME_PATTERN.fullmatch(place.name):
         allowed = "small letters, digits and hyphens, as in beam-ends"
-        raise RefusedError(f"new-set: given {place.name}, allowed: {allowed}")
+        raise RefusedError(f"new-set: given {format_given(place.name)}, allowed: {allowed}")
     folder = place
     if inside:
         folder = project_root() / "src/thesis_lib/figure_sets" / name.replace("-", "_")

@@ -295,11 +295,12 @@ def published_comparison(cube: xr.Dataset) -> pd.DataFrame:
 def error_lines(cube: xr.Dataset) -> list[str]:
     """Return a line per setting and mode with the errors of a run, and those published for it.
 
-    Empty for a cube without errors of settings and modes.
+    Of a cube that lists quantities these, if nothing is published of them; else nothing.
     """
     table = published_comparison(cube)
     if "trial_0" not in table:
-        return []
+        new = "quantity" in table and read_published(cube.attrs["figure_set"]) is None
+        return [f"{r.quantity}: {r.value:.5g} {r.unit}" for r in table.itertuples() if new]
     title = f"{'trial 0':>7} | {'median (5–95 %)':>20} | {'published':>20}"
 
     def cells(row: Any) -> str:

@@ -30,6 +30,7 @@ CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 
 COMPRESSED_ERROR_PX, LOSSLESS_ERROR_PX = 0.0783, 0.00414
 #: Share of the largest deflection by which the shape may be wrong: compressed, at the least motion
 MAX_SHAPE_ERROR = COMPRESSED_ERROR_PX / CHECK_LIMITS["small-motion"]
+MIN_SEEN_SHARE = 0.5  # of the markers that two cameras see, below which no shape comes out
 MAX_HIGHER_MODES = 3  # natural frequencies above the driven one: those that ring longest
 MAX_MODES = 100  # natural frequencies among which these are searched
 MIN_MODE_RATIO = 1.2  # of the driven frequency, from which a natural one is that of another mode
@@ -50,7 +51,7 @@ class Warning:
 class Verdict:
     """Predicted errors of the shape, as shares of its largest deflection, and what would do.
 
-    NaN where the manifest does not say enough.
+    NaN where the manifest does not say enough, too few markers are seen, or no shape is measured.
     """
 
     compressed: float  #: With a phone's film
@@ -59,10 +60,16 @@ class Verdict:
     #: Largest deflections from which either kind of film will do, mm
     compressed_from_mm: float
     lossless_from_mm: float
+    seen: float  #: Share of the markers that two cameras see at least
+    result: str  #: What is measured, as :class:`.Behaviour` has it
 
     @property
     def outcome(self) -> str:
-        """Return which films will do: compressed or lossless ones, none, or that it is unknown."""
+        """Return which films will do: compressed or lossless ones, none, or why it is unknown."""
+        if self.seen < MIN_SEEN_SHARE:
+            return "unseen"
+        if self.result == "response":
+            return "response"
         if np.isnan(self.compressed_from_mm):
             return "unknown"
         if np.isnan(self.compressed):
@@ -103,6 +110,8 @@ def assess_manifest(manifest: Manifest) -> Assessment:
     with np.errstate(all="ignore"):  # what is not given is NaN
         view = prediction.view_markers(manifest, float(np.nan_to_num(amplitude)))
         errors = prediction.predict_errors(manifest, view, amplitude, CENTRE_NOISE_PX)
+        if (result := manifest.excitation.behaviour.result) == "response":
+            errors[1] = np.full_like(errors[1], np.nan)  # no harmonics are fitted
         one, fit, rounding = map(prediction.rms_and_worst, errors)
         rig = RigPrediction(
             located=int(view.located.sum()),
@@ -121,11 +130,13 @@ def assess_manifest(manifest: Manifest) -> Assessment:
             warnings += _check_rate(manifest, camera.rate_hz, f"{where}.frame_rate_hz")
             warnings += _check_camera(manifest, camera, row, where, view.corners[i])
         warnings += _check_rig(manifest, view, rig, errors[0])
-        verdict = _predict_shape_errors(view, rig, 1000 * amplitude)
+        verdict = _predict_shape_errors(view, rig, 1000 * amplitude, result)
     return Assessment(tuple(warnings), tuple(list_unknowns(manifest)), tuple(table), rig, verdict)
 
 
-def _predict_shape_errors(view: PredictedView, rig: RigPrediction, amplitude_mm: float) -> Verdict:
+def _predict_shape_errors(
+    view: PredictedView, rig: RigPrediction, amplitude_mm: float, result: str
+) -> Verdict:
     """Predict the errors of the shape, for a largest deflection in mm.
 
     A film that takes a share of every image's motion takes it of the shape, too, however many
@@ -140,7 +151,11 @@ def _predict_shape_errors(view: PredictedView, rig: RigPrediction, amplitude_mm:
     )
     shares = np.array([compressed, lossless, rig.rounding[1]]) / amplitude_mm
     needed_mm = np.array([compressed, lossless]) / MAX_SHAPE_ERROR
-    return Verdict(*map(float, (*shares, *needed_mm)))
+    seen = np.mean(view.seen[view.located].sum(axis=0) > 1) if rig.located > 1 else np.nan
+    numbers = np.array([*shares, *needed_mm])
+    if result == "response" or seen < MIN_SEEN_SHARE:
+        numbers[:] = np.nan
+    return Verdict(*map(float, (*numbers, seen)), result)
 
 
 def _warn(code: str, where: str, variant: str = "", /, **values: object) -> Warning:
@@ -287,10 +302,12 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
         known = {"names": f"{'s' * (len(names) > 1)} {join_words(names)}", "fields": fields_text}
         yield format_message(messages.UNCHECKED_MESSAGES["cameras"], what=what, **known)
     excitation = manifest.excitation
+    is_response = excitation.behaviour.result == "response"
     open_fields = {
         "frequency": excitation.frequency_hz is None and excitation.behaviour.has_one_frequency,
         "amplitude": excitation.amplitude_mm is None,
-        "steady": excitation.steady_interval_s is None,
+        "steady": excitation.steady_interval_s is None and not is_response,
+        "response": is_response,
         "clap": excitation.sound == "room",
         "model": manifest.structure.kind == "flat",
     }
@@ -324,21 +341,27 @@ def describe_assessment(assessment: Assessment) -> list[str]:
     for name, *cells in rows:
         short = name if len(name) <= widest else f"{name[: widest - 1]}…"
         table.append("  ".join([short.ljust(widest), *map(str.rjust, cells, widths)]))
-    same: dict[tuple[str, ...], list[str]] = {}
-    for warning in assessment.warnings:
-        key = warning.text, warning.code, warning.where.split("]")[-1]
-        same.setdefault(key, []).append(warning.where)
     wrapper = textwrap.TextWrapper(TEXT_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
     text = render(
         __file__,
         "assessment.txt.j2",
         table="\n".join(table),
         rig=assessment.rig,
-        warnings=same.items(),
+        has_fit=assessment.verdict.result != "response",
+        warnings=_group_warnings(assessment).items(),
         unknown=assessment.unknown,
         wrapped=wrapper.fill,
     )
     return text.splitlines()
+
+
+def _group_warnings(assessment: Assessment) -> dict[tuple[str, ...], list[str]]:
+    """Return the fields that a warning is about, by its text, its code and the field's name."""
+    same: dict[tuple[str, ...], list[str]] = {}
+    for warning in assessment.warnings:
+        key = warning.text, warning.code, warning.where.split("]")[-1]
+        same.setdefault(key, []).append(warning.where)
+    return same
 
 
 def describe_verdict(assessment: Assessment) -> list[str]:
@@ -348,7 +371,7 @@ def describe_verdict(assessment: Assessment) -> list[str]:
         verdict=assessment.verdict,
         limit=MAX_SHAPE_ERROR,
         share=format_error_share,
-        warnings=len({warning.code for warning in assessment.warnings}),
+        warnings=len(_group_warnings(assessment)),
     )
     return textwrap.wrap(" ".join(lines), TEXT_COLUMNS)
 
