@@ -1,5 +1,4 @@
-// Figures grow: a click, a tap or the button beside them opens them as large as the window; those of
-// one case stand one behind the other.
+// A click, a tap or the button next to a figure opens it as large as the window.
 (() => {
   const { element, button, dialog } = window.thesisBook;
   const MOST = 12, STEP = 1.4;

@@ -1,5 +1,4 @@
-// The explorer: cameras to drag around a beam or a plate, and at once the accuracy that they give.
-// Front end of thesis_lib.book.explorer in the form that static_html runs.
+// The explorer: cameras to drag around a beam or a plate, and the accuracy that they give.
 import { createShapes, createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
@@ -9,16 +8,14 @@ import {
 import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
 
-// --- what it shows, as a state: s structure, m mode, w [width, height] in px, f focal length, d
-// distance and a amplitude in mm, r rest position, c [azimuth, elevation] of each camera in degrees,
-// t the thesis's setup last chosen
+// --- its state: s structure, m mode, w [width, height] in px, f focal length, d distance and
+// a amplitude in mm, r rest position, c directions of the cameras in degrees, t setup last chosen
 const TRIALS = 100;
 const NO_STATE = Object.fromEntries([..."smtwfdarc"].map((key) => [key, null]));
 const FIRST_SETUP = "4a-4";
 const sixteenToNine = (width) => [width, rint((width * 9) / 16)];
 
-// What is allowed, here and by `thesis run`: the structure is in front of the cameras, no two of
-// which are in one place.
+// As in `thesis run`, the structure is in front of the cameras, each in a place of its own.
 const limits = ({ a }, { length, width }) => ({
   d: [Math.floor(500 * Math.hypot(length, width) + a) + 1, 10000],
   f: [1, 1000], a: [0.01, 100], w: [16, 8192],
@@ -38,8 +35,8 @@ function setupOf(state, { setups, reading }) { // the thesis's setup that a stat
   return same.find(({ id }) => id === state.t) ?? same[0];
 }
 
-// --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, and ?s=beam&m=1&t=4a-6 for a setup of the
-// thesis; what is unknown or makes no sense is ignored
+// --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, or ?s=beam&m=1&t=4a-6 for a setup of the
+// thesis; unknown and senseless values are ignored
 function fromAddress(query, structures) {
   const given = new URLSearchParams(query);
   const among = (key, choices) => choices[Math.max(0, choices.indexOf(given.get(key)))];
@@ -170,8 +167,7 @@ function render({ model: traits, el }) {
     const box = select(pairs, {}, write);
     return add(label, box, () => { box.value = read(); }, cls);
   }
-  // Taken while it is typed; refused when it is left, or at once if no further digit could make it
-  // right.
+  // Refused when it is left, or at once if no further digit could make it right.
   function numeric(what, unit, read, range, write, attributes) {
     const box = html("input", { type: "number", step: "any", ...attributes,
       oninput: () => take(false), onchange: () => take(true) });

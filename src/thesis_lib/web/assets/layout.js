@@ -1,5 +1,4 @@
-// Planned cameras around a structure, to be turned; options of one or more plans to choose from.
-// Front end of thesis_lib.planning.report in the form that static_html runs.
+// Planned cameras around a structure, to be turned. Front end of thesis_lib.planning.report.
 import {
   asked, field, figure, fill, followWidth, heightOf, html, keep, linkButton, options, path, resize,
   select, svg, text, xy,

@@ -1,14 +1,12 @@
-// What vibrates: a slowed period that plays, pauses and is set by hand, and what one camera sees of
-// it.
+// A slowed period that plays, pauses and is set by hand, and what one camera sees of it.
 import { button, fill, html, icon, options, path, select, show } from "./parts.js";
 import { inView, pixelate, project } from "./pinhole.js";
 
 const PERIOD = 2400; // ms of a period on the screen, at speed 1
 const SPEEDS = [[0.25, "¼ ×"], [0.5, "½ ×"], [1, "1 ×"], [2, "2 ×"]];
 
-// Calls each of the functions `draws` with the phase in rad, in each frame while it plays. It plays
-// by itself if `unasked`, but not for readers who want no movement; nowhere while it is out of sight,
-// and in print it stands at its largest deflection.
+// Calls the functions `draws` with the phase in rad, in each frame while it plays and is in sight.
+// It plays by itself if `unasked` and motion is not to be reduced; in print the phase is 0.
 export function createMotion(draws, unasked = true) {
   const [still, print] = ["(prefers-reduced-motion: reduce)", "print"].map((one) => matchMedia(one));
   const player = button("", { class: "tl-play", "data-testid": "play" }, () => play(!wanted));
@@ -69,8 +67,7 @@ export function createMotion(draws, unasked = true) {
   };
 }
 
-// The image of one of several cameras: each marker at the whole pixel to which it is rounded, and
-// where it is at rest.
+// The image of one of several cameras: the whole pixel of each marker, now and at rest.
 export function createImage() {
   const WIDTH = 320, HEIGHT = 180;
   const canvas = html("canvas", { width: WIDTH, height: HEIGHT, role: "img" });
@@ -114,8 +111,7 @@ export function createImage() {
   }
   return {
     node, pixels: () => Array.from(seen),
-    // Projection matrices, width and height in px, points at rest and at most, principal point
-    // beside the middle in px, whose they are.
+    // Projection matrices, size in px, points at rest and deflected, offset in px, whose they are.
     load(cameras, sensor, markers, deflected, offset = 0, whose = "") {
       [P, size, rest, moved, shifts] = [cameras, sensor, markers, deflected, [offset, offset]];
       name = whose && `${whose}: `;

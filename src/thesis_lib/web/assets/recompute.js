@@ -1,7 +1,6 @@
-// A request of chapter 3 or 4 computed in the page: its settings, as facts/setups.py makes them, and
-// what is refused of them beside bounds, in the words of figure_sets/parametric; a worker measures
-// them, and what it says becomes the viewer's data. Values are as request.js reads them: whole
-// numbers are BigInt, objects are Maps.
+// A request of chapter 3 or 4 computed in the page: its settings, as in facts/setups.py, refusals
+// beyond bounds, in the words of figure_sets/parametric, and the viewer's data from the results of
+// a worker. Values are as in request.js: whole numbers are BigInt, objects are Maps.
 import { isNumber, show } from "./parts.js";
 import { MOST_CAMERAS } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
@@ -90,8 +89,8 @@ function findLimit({ estimator, noise_px: noise, modes }, settings, markers) { /
   return images > MOST_IMAGES ? `${images} images of markers (a page takes ${MOST_IMAGES})` : "";
 }
 
-// A request by the names of its parameters: settings, modes with their peaks, the structure; or why
-// there are none: a `problem`, or what is `left` to the command.
+// Settings, modes with their peaks and the structure of a request, or a `problem`, or why it is
+// `left` to the command.
 function planRequest({ subject, study, others }, values, facts) {
   const unknown = Object.keys(others).find((name) => formatGiven(values[name]) !== others[name]);
   if (unknown) return { left: `the parameter ${unknown}` };
@@ -153,8 +152,7 @@ function describeResults(set, plan, found, values, facts) {
   };
 }
 
-// How the errors compare with those of the published run, in a sentence, and another one where
-// cameras would miss markers, which are computed all the same.
+// A sentence that compares the errors with the published ones, and warns of markers out of view.
 function compareResults({ all }) {
   const every = all.flatMap((one) => one.modes), done = every.every((one) => isNumber(one.median));
   const of = (one) => (done ? one.median : one.mean), rise = (a, b) => a - b;
@@ -179,8 +177,8 @@ function compareResults({ all }) {
   return `${alone}the ${which} is ${show(middle)} times the published one${places}.${warning}`;
 }
 
-// `put` is given the viewer's data, and again when there is more; `looked` tells the name of the
-// case that is looked at; `failed` is called where a page may not compute.
+// `put` takes the viewer's data, whenever there is more; `looked` returns the name of the case in
+// sight; `failed` is called where a page may not compute.
 export function createRecompute(facts, put, looked, failed) {
   let worker = null, last = 0, waiting = null, frame = 0;
   const times = {}; // ms from the request, for tests
@@ -216,8 +214,7 @@ export function createRecompute(facts, put, looked, failed) {
   }
   return {
     times,
-    // A request by the values of its parameters: says why it is refused or left to the command, or
-    // begins to compute it.
+    // Begins to compute a request, or returns why it is refused or left to the command.
     ask(name, values) {
       const set = facts.sets[name], plan = planRequest(set, values, facts);
       if (!plan.settings) {

@@ -1,5 +1,5 @@
-// Runs beside the page: settings come in; the nominal run and the law of all of them go out at
-// once, then the bands of each one as soon as its draws are made, those that are looked at first.
+// Takes settings; returns the nominal run and the predicted errors of all of them at once, then the
+// band of each one when it is drawn, those in sight first.
 import { bandOf, markers, simulateSetting } from "./physics.js";
 
 const SLICE = 40; // ms until it looks for other wishes

@@ -1,6 +1,5 @@
 // The rerun form: a figure set or chapter, its parameters, the command that runs it with them, and
-// for beam and plate the results, computed in the page. With one set alone it stands, made compact,
-// above that set's viewer. Front end of thesis_lib.notebook.show in the form that static_html runs.
+// for beam and plate the results, computed in the page; for one set alone a compact one.
 import { asked, button, copyButton, html, keep, linkButton, options } from "./parts.js";
 import { createRecompute } from "./recompute.js";
 import {
@@ -34,8 +33,7 @@ function createControl(field, text, id, attributes) {
   return [node, () => node.value];
 }
 
-// One parameter: `text` is what was typed so far, `more` a further hint, `changed` is called with
-// what is typed now.
+// One parameter: `text` was typed so far, `more` is a further hint; `changed` takes what is typed.
 function createField(field, id, text, more, changed) {
   const { name, meaning, unit, allowed, typed, schema } = field;
   const described = { id, "aria-describedby": `${id}-hint ${id}-problem` };

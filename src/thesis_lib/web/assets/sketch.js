@@ -55,9 +55,8 @@ export function createSketch(panel, study) { // returns what draws it
       scene.push(line("tl-plane", rectangle, "Z"), text(x, y - 4, name, "tl-muted"));
     }
 
-    // Cameras: pyramids with the tip at the centre of projection and the base towards the origin.
-    // One that several highlighted settings share is drawn in the first one's colour; larger for
-    // the next, if they are but few.
+    // Cameras: pyramids with the tip at the centre of projection. One that several highlighted
+    // settings share has the first one's colour, and grows for the next ones if these are few.
     const seen = new Map(), pyramids = [];
     const layouts = new Set(shown.map((i) => String(every[i].cameras)));
     const nested = shown.length < 3 || layouts.size === 1;

@@ -1,6 +1,5 @@
-// Viewer of one parametric study: linked panels (a) cameras, (b) and (c) what was measured,
-// (d) mean errors. Front end of thesis_lib.web.viewer.Viewer in the form anywidget expects;
-// static_html runs it without a kernel.
+// Viewer of one parametric study: linked panels (a) cameras, (b) and (c) measurements, (d) mean
+// errors. Front end of thesis_lib.web.viewer.Viewer, as anywidget or static_html runs it.
 import { createBars } from "./bars.js";
 import { createImage, createMotion } from "./motion.js";
 import {
@@ -27,8 +26,7 @@ function createStudy(model) {
     tint: (i) => `--c:${study.data.colors[i % study.data.colors.length]}`,
     active: () => study.hovered ?? study.focused ?? study.pinned,
 
-    // The errors of a setting: one, or one per plane of the sound; without a mean where the plane is
-    // nodal.
+    // Errors of a setting: one, or one per plane of the sound, without a mean if that is nodal.
     errors(i) {
       const result = study.results()[i];
       return study.data.planes?.map(({ name }) => ({ name, ...result.planes[name] })) ?? [result];
