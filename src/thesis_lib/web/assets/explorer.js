@@ -109,12 +109,12 @@ const createRow = (words, cells) => html("tr", {}, html("th", { scope: "row" }, 
   Object.entries(cells).map(([name, value]) =>
     html("td", { class: `tl-ex-${name}`, colspan: name === "stated" ? 3 : null }, value)));
 
-function render({ model: traits, el }) {
-  const { structures, colors, colormap, sensor_width_mm: sensorWidth } = traits.get("data");
-  const onPage = Boolean(traits.get("page")), compact = traits.get("compact");
+function render({ model, el }) {
+  const { structures, colors, colormap, sensor_width_mm: sensorWidth } = model.get("data");
+  const compact = model.get("compact");
   const uid = `tl-${Math.random().toString(36).slice(2, 10)}`, refreshers = [];
-  const linked = onPage && Object.keys(NO_STATE).some((key) => asked(key) !== null);
-  const query = linked ? location.search : traits.get("address");
+  const linked = Object.keys(NO_STATE).some((key) => asked(key) !== null);
+  const query = linked ? location.search : model.get("address");
   let setup, built = {}, frame = 0, timer = 0, free = false;
   const app = { // what the view and the shapes need
     colormap, sensorWidth, update, remove, request, result: null,
@@ -149,7 +149,7 @@ function render({ model: traits, el }) {
     refreshers.push(() => {
       whole.href = `explorer.html?${toAddress(app.state, app.structure)}`;
     });
-  } else if (onPage) bottom.append(...linkButton(settle));
+  } else bottom.append(...linkButton(settle));
 
   // --- controls
   function add(label, node, refresh, cls = "") {
@@ -322,33 +322,18 @@ function render({ model: traits, el }) {
   }
   function refuse(words) { if (refusal.textContent !== words) refusal.textContent = words; }
   function settle() { // the address follows when the reader pauses
-    const address = toAddress(app.state, app.structure);
-    if (onPage) return keep(NO_STATE, location.hash, address);
-    traits.set("address", address);
-    traits.save_changes();
-  }
-  function follow() { // the address of a live notebook, set from Python
-    if (traits.get("address") !== toAddress(app.state, app.structure))
-      update(fromAddress(traits.get("address"), structures));
+    keep(NO_STATE, location.hash, toAddress(app.state, app.structure));
   }
 
   Object.assign(root, { explorer: { structures, app }, moving: { motion, image } }); // for tests
   el.replaceChildren(root);
   tick();
   motion.watch(view.node, image.node);
-  const unfollow = followWidth(root, () => {
+  followWidth(root, () => {
     [view, shapes].forEach((one) => one.remeasure());
     app.result = null; // draws all again
     request();
   });
-  if (!onPage) traits.on("change:address", follow);
-  return () => {
-    unfollow();
-    cancelAnimationFrame(frame);
-    motion.stop();
-    clearTimeout(timer);
-    traits.off("change:address", follow);
-  };
 }
 
 export default { render };

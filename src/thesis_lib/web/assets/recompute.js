@@ -181,11 +181,10 @@ function compareResults({ all }) {
 // sight; `failed` is called where a page may not compute.
 export function createRecompute(facts, put, looked, failed) {
   let worker = null, last = 0, waiting = null, frame = 0;
-  const times = {}; // ms from the request, for tests
-  const caseOf = ({ settings }) =>
-    (settings.find((one) => one.case === looked()) ?? settings[0]).case;
-  const indices = (plan) =>
-    plan.settings.flatMap((one, i) => (one.case === caseOf(plan) ? [i] : []));
+  function indices({ settings }) { // of the settings in sight
+    const { case: shown } = settings.find((one) => one.case === looked()) ?? settings[0];
+    return settings.flatMap((one, i) => (one.case === shown ? [i] : []));
+  }
 
   function start() {
     const address = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
@@ -195,25 +194,19 @@ export function createRecompute(facts, put, looked, failed) {
     worker.onerror = (event) => { event.preventDefault(); failed(); };
   }
   function take(found) {
-    const since = performance.now() - waiting.begun, { set, plan, values } = waiting;
-    if (found.settings) {
-      waiting.data = describeResults(set, plan, found, values, facts);
-      times.literal = since;
-      return put(waiting.data);
-    }
+    const { set, plan, values } = waiting;
+    if (found.settings)
+      return put(waiting.data = describeResults(set, plan, found, values, facts));
     waiting.data.all[found.index].modes.forEach((one, m) => {
-      const [[median, low, high]] = found.bands[m];
+      const [median, low, high] = found.bands[m];
       Object.assign(one, { median, low, high });
     });
-    if (plan.settings[found.index].case === caseOf(plan)) times.looked = since;
-    if (!found.left) times.drawn = since;
     frame ||= requestAnimationFrame(() => {
       frame = 0;
       if (waiting?.data) put(waiting.data = { ...waiting.data });
     });
   }
   return {
-    times,
     // Begins to compute a request, or returns why it is refused or left to the command.
     ask(name, values) {
       const set = facts.sets[name], plan = planRequest(set, values, facts);
@@ -225,8 +218,7 @@ export function createRecompute(facts, put, looked, failed) {
         return { left: "what this browser does not let a page do beside itself" };
       }
       last += 1;
-      Object.assign(times, { literal: null, looked: null, drawn: null });
-      waiting = { set, plan, values, begun: performance.now() };
+      waiting = { set, plan, values };
       worker.postMessage({ ...plan, id: last, draws: DRAWS, first: indices(plan) });
       return {};
     },
@@ -235,6 +227,7 @@ export function createRecompute(facts, put, looked, failed) {
       last += 1;
       waiting = null;
     },
+    data: () => waiting?.data,
     comparison: () => (waiting?.data ? compareResults(waiting.data) : ""),
   };
 }

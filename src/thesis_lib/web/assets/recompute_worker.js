@@ -28,8 +28,7 @@ function work() {
     draw();
     if (modes[0].means.length < draws) continue;
     queue.shift();
-    const bands = modes.map(({ means, peaks }) => [means, peaks].map(bandOf));
-    postMessage({ id, index, left: queue.length, bands });
+    postMessage({ id, index, bands: modes.map(({ means }) => bandOf(means)) });
   }
   if (queue.length) setTimeout(work);
 }

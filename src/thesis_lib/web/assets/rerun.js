@@ -66,8 +66,7 @@ const ELSEWHERE =
 
 function renderForm({ model, el }) {
   const { fields, sets, chapters, here, start = {} } = model.get("form");
-  const original = model.get("data"), onPage = Boolean(model.get("page"));
-  const every = Object.keys(sets), compact = every.length === 1;
+  const original = model.get("data"), every = Object.keys(sets), compact = every.length === 1;
   const uid = `tl-rerun-${document.querySelectorAll(".tl-rerun").length}`;
   const begin = () => new Map( // what is typed, by number of the field
     fields.map(({ name }, n) => [n, start[name]]).filter(([, text]) => text !== undefined));
@@ -221,7 +220,6 @@ function renderForm({ model, el }) {
     }
   }
   function writeAddress() {
-    if (!onPage) return;
     const values = Object.fromEntries(fields.map(({ name }) => [name, null]));
     for (const { name, now, other } of rows)
       if (Object.hasOwn(start, name) ? now() !== start[name] : other) values[name] = now();
@@ -234,11 +232,11 @@ function renderForm({ model, el }) {
   }
 
   chooser.value = every.find((one) => Object.hasOwn(here.sets, one)) ?? every[0];
-  if (onPage) readAddress();
+  readAddress();
   chooser.addEventListener("change", build);
   root.addEventListener("change", writeAddress);
   model.on("change:case", recompute.prefer);
-  root.recompute = { model, times: recompute.times }; // for tests
+  root.recompute = { model, data: recompute.data }; // for tests
   el.replaceChildren(root, figure);
   build();
 }

@@ -46,5 +46,5 @@ KINDS.sound = (study, uid) => {
     b.canvas.replaceChildren(...study.data.planes.map(drawPlane));
     motion.redraw();
   }
-  return { figures: [b.node], draw, highlight() {}, stop: motion.stop };
+  return { figures: [b.node], draw, stop: motion.stop };
 };

@@ -151,7 +151,7 @@ function render({ model, el }) {
 
   // --- updating
   function highlight() { // the bars keep their elements: a redraw would move the focus
-    panels.highlight();
+    panels.highlight?.();
     for (const node of root.querySelectorAll("[data-setting]")) {
       const i = Number(node.dataset.setting);
       const tabindex = i === (study.focused ?? study.pinned ?? 0) ? 0 : -1;
@@ -213,7 +213,7 @@ function render({ model, el }) {
     const before = study.data, data = study.data = model.get("data") ?? {};
     imaged = "";
     if (panels && outline(before) === outline(data)) return update(); // other numbers alone
-    panels?.stop();
+    panels?.stop?.();
     panels = null;
     const kind = data.structure?.kind, known = data.cases?.length && KINDS[kind];
     const all = known ? [controls, title, key, summary, grid] : ["No results to show."];
@@ -247,7 +247,7 @@ function render({ model, el }) {
   const unfollow = followWidth(root, () => { if (root.contains(grid) && fit()) update(); });
   return () => {
     unfollow();
-    panels?.stop();
+    panels?.stop?.();
     motion.stop();
     handlers.forEach((one) => model.off(...one));
   };
