@@ -7,6 +7,9 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
 
   function draw() {
     const { data } = study, width = study.ofBars, settings = study.settings();
+    const title = `Mean error of each setting${data.planes ? " on both planes" : ""}`;
+    const help = "Arrow keys move, Enter pins, Escape releases.";
+    entitle(panel, study, "group", title, "", help);
     const { label, unit } = data.parameter;
     const every = settings.map((_, i) => study.errors(i)), count = every[0].length;
     const errors = every.flat(), [least, most] = spread(errors.map((r) => [r.mean, r.low, r.high,
@@ -112,12 +115,5 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
       html("span", {}, icon(18, ...parts), words)));
   }
 
-  return {
-    draw,
-    label() {
-      const where = study.data.planes ? " on both planes" : "";
-      entitle(panel, study, "group", `Mean error of each setting${where}`, "",
-        "Arrow keys move, Enter pins, Escape releases.");
-    },
-  };
+  return { draw };
 }

@@ -321,9 +321,8 @@ function render({ model, el }) {
     request();
   }
   function refuse(words) { if (refusal.textContent !== words) refusal.textContent = words; }
-  function settle() { // the address follows when the reader pauses
-    keep(NO_STATE, location.hash, toAddress(app.state, app.structure));
-  }
+  // The address follows when the reader pauses.
+  function settle() { keep(NO_STATE, location.hash, toAddress(app.state, app.structure)); }
 
   Object.assign(root, { explorer: { structures, app }, moving: { motion, image } }); // for tests
   el.replaceChildren(root);

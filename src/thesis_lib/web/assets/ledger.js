@@ -209,13 +209,12 @@ function render({ model, el }) {
 
   build();
   el.replaceChildren(root); // at once, complete: the table is laid out only here
-  if (onPage) follow();
-  if (onPage) window.addEventListener("hashchange", follow);
+  if (onPage) {
+    follow();
+    addEventListener("hashchange", follow);
+  }
   model.on("change:data", build);
-  return () => {
-    window.removeEventListener("hashchange", follow);
-    model.off("change:data", build);
-  };
+  return () => model.off("change:data", build);
 }
 
 export default { render };

@@ -11,9 +11,10 @@ export function createMotion(draws, unasked = true) {
   const [still, print] = ["(prefers-reduced-motion: reduce)", "print"].map((one) => matchMedia(one));
   const player = button("", { class: "tl-play", "data-testid": "play" }, () => play(!wanted));
   const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase",
-    oninput() { play(false); put(Number(slider.value)); } });
+    oninput() { play(false); put(Number(slider.value)); }, "aria-valuetext": "0°" });
   const speed = select(SPEEDS, { "data-testid": "speed" }, tellSpeed, 1), visible = new Set();
-  const degrees = html("span", { "aria-hidden": "true" }), slowed = html("span", { class: "tl-slowed" });
+  const degrees = html("span", { "aria-hidden": "true" }, "0°");
+  const slowed = html("span", { class: "tl-slowed" });
   const node = html("div", { class: "tl-time" }, player,
     html("div", { class: "tl-phase" }, html("label", {}, "phase ωt", slider), degrees),
     html("label", { class: "tl-speed" }, "speed", speed), slowed);
@@ -22,13 +23,10 @@ export function createMotion(draws, unasked = true) {
   const redraw = () => draws.forEach((draw) => draw((phase * Math.PI) / 180));
   function put(angle) {
     phase = angle;
-    tell();
-    redraw();
-  }
-  function tell() {
     slider.value = Math.round(phase);
     degrees.textContent = `${slider.value}°`;
     slider.setAttribute("aria-valuetext", degrees.textContent);
+    redraw();
   }
   function tellSpeed() {
     const times = show((hertz * PERIOD) / 1000 / speed.value);
@@ -53,7 +51,6 @@ export function createMotion(draws, unasked = true) {
   });
   still.addEventListener("change", () => { if (still.matches) play(false); }, { signal });
   print.addEventListener("change", () => { follow(); if (print.matches) put(0); }, { signal });
-  tell();
   play(unasked && !still.matches);
   return {
     node, put, redraw,

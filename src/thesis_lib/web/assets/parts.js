@@ -51,7 +51,7 @@ export const field = (label, node, attributes = {}) =>
   html("label", { class: "tl-field", ...attributes }, html("span", {}, label), node);
 
 // --- numbers
-export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
+export const isNumber = Number.isFinite; // of a number, for other types are none
 export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−");
 const digitsOf = (value) =>

@@ -116,7 +116,7 @@ function planRequest({ subject, study, others }, values, facts) {
 }
 
 // --- results
-const toMm = (values) => values.map((value) => 1000 * value);
+const toMm = (values) => Array.from(values, (value) => 1000 * value);
 
 // What the viewer draws, before the draws. `facts` are those of figure_sets/parametric/in_page.py.
 function describeResults(set, plan, found, values, facts) {
@@ -144,7 +144,7 @@ function describeResults(set, plan, found, values, facts) {
       y_mm: y.filter((_, n) => n % grid[0] === 0) } : { x_mm: x }),
     lens: Object.fromEntries(facts.lens.map((name) => [name, values[name]])), all,
     modes: shapes.map(({ mode }, m) => ({ mode, frequency_hz: hertz[mode - 1],
-      reference_mm: toMm(found.references[m]) })),
+      reference_mm: toMm(found.settings[0].modes[m].reference) })),
     cases: [...new Set(settings.map((one) => one.case))].map((name) => ({
       name, title: ownPair || (set.titles[name] ?? "own layout"), figures: {},
       settings: all.filter((_, i) => settings[i].case === name),

@@ -10,11 +10,8 @@ function begin({ id, structure, shapes, settings, draws, first }) {
   const busy = Boolean(job?.queue.length);
   job = { id, draws, found, queue: found.map((_, i) => i) };
   prefer(first);
-  const results = found.map(({ inView, modes }) => ({ inView,
-    modes: modes.map(({ measured, errors, predicted }) =>
-      ({ measured: Array.from(measured), errors, predicted })) }));
-  postMessage({ id, markers: markers(structure), settings: results,
-    references: found[0].modes.map(({ reference }) => reference) });
+  const results = found.map(({ inView, modes }) => ({ inView, modes }));
+  postMessage({ id, markers: markers(structure), settings: results });
   if (!busy) setTimeout(work);
 }
 function prefer(first) {

@@ -70,7 +70,7 @@ function renderForm({ model, el }) {
   const uid = `tl-rerun-${document.querySelectorAll(".tl-rerun").length}`;
   const begin = () => new Map( // what is typed, by number of the field
     fields.map(({ name }, n) => [n, start[name]]).filter(([, text]) => text !== undefined));
-  let texts = begin(), rows = [], shownOf = "", shown = null;
+  let texts = begin(), rows = [], shownOf = "";
 
   // --- elements
   const pairsOf = (names) => options(names.map((name) => [name, `${name}: ${sets[name].title}`]));
@@ -111,7 +111,6 @@ function renderForm({ model, el }) {
   const recompute = createRecompute(here, put, () => model.get("case"), () =>
     tell("This browser lets no page compute beside itself; the command runs it."));
   function put(data) {
-    shown = data;
     model.set("data", data);
     figure.hidden = see.hidden = !data;
     if (data && !figure.firstChild) viewer.render({ model, el: figure });
@@ -142,7 +141,7 @@ function renderForm({ model, el }) {
       return "";
     }
     const { problem, left } = recompute.ask(name, values);
-    if ((problem || left) && !shown) put(original);
+    if ((problem || left) && figure.hidden) put(original);
     if (left) tell(`Not in the page: ${left}. The command runs it.`);
     figure.toggleAttribute("data-stale", Boolean(left));
     recompute.refused = problem ? `thesis: ${name}: ${problem}` : "";

@@ -44,10 +44,9 @@ function render({ model, el }) {
   const built = build({ ...panels, ...model.get("data"), state, set, request, random });
   const sliders = rows.map((row) => createSlider(state, set, row));
   const nameOf = ({ key }) => `${name}-${key}`;
-  function remember() { // in the address, what is otherwise
-    keep(Object.fromEntries(sliders.map((one) =>
-      [nameOf(one), state[one.key] === one.usual ? null : state[one.key]])));
-  }
+  const valueOf = ({ key, usual }) => (state[key] === usual ? null : state[key]);
+  const remember = () => // in the address
+    keep(Object.fromEntries(sliders.map((one) => [nameOf(one), valueOf(one)])));
   for (const one of sliders) { // what is unknown or makes no sense is ignored
     const given = asked(nameOf(one)), value = Number(given || NaN);
     if (value === clamp(value, one.range)) set({ [one.key]: value });
@@ -79,13 +78,6 @@ function entitlePanel({ canvas, caption, foot }, words, more, below = "") {
 const chart = (panel, width, across, up, xTitle, yTitle) =>
   axes(panel, width, across, up, xTitle, yTitle, { columns: width < 420 ? 4 : 7 });
 
-function follow({ canvas }, take) {
-  followDrag(canvas, (place, event) => {
-    event.preventDefault();
-    return take(place);
-  });
-}
-
 // --- one marker on one pixel grid: what rounding makes of its motion, and the law from draws
 function buildMarker({ a, b, c, state, set, request, random }) {
   const REST = 0.2, MOST = 3, DRAWS = 200, found = new Map(); // px, px, draws, errors drawn
@@ -114,7 +106,8 @@ function buildMarker({ a, b, c, state, set, request, random }) {
   // (a) the grid: pixels as boxes around their centres, the marker at rest and moved
   let unit = 1;
   const x = (u) => (u + 1) * unit;
-  follow(a, ([x0]) => {
+  followDrag(a.canvas, ([x0], event) => {
+    event.preventDefault();
     const from = { ...state };
     if (Math.abs(x0 - x(REST + state.motion)) < 24) return ([now]) =>
       set({ motion: clamp(hundredth(from.motion + (now - x0) / unit), [0, MOST]) });
@@ -227,7 +220,8 @@ function buildPoint({ a, b, state, set, request, random }) {
   ];
 
   const height = 300, unit = height / 12;
-  follow(a, ([, y0]) => {
+  followDrag(a.canvas, ([, y0], event) => {
+    event.preventDefault();
     const from = state.deflection, twentieth = (mm) => Math.round(mm * 20) / 20;
     return ([, y]) => set({ deflection: clamp(twentieth(from + (y0 - y) / unit), [0, MOST]) });
   });

@@ -28,7 +28,8 @@ export function createSketch(panel, study) { // returns what draws it
   }
 
   function draw() {
-    const { width, data } = study, height = heightOf(width);
+    const { width, data } = study, height = heightOf(width), { label } = data.parameter;
+    entitle(panel, study, "img", "Cameras; varied: ", label, "Arrow keys rotate.");
     const { kind, length_mm: length } = data.structure, every = study.settings();
     const shown = every.map((_, i) => i).filter((i) => study.stateOf(i) === "on");
     const distances = new Set(every.flatMap((one) => one.cameras.map((camera) => camera[0])));
@@ -106,12 +107,5 @@ export function createSketch(panel, study) { // returns what draws it
 
   turnable(panel.canvas, view, 0, draw);
   panel.foot.append("Drag, or focus and press the arrow keys, to rotate.");
-  return {
-    draw,
-    move(phase) { fill(shape, { d: bent(bending, Math.cos(phase)) }); },
-    label() {
-      entitle(panel, study, "img", "Cameras; varied: ", study.data.parameter.label,
-        "Arrow keys rotate.");
-    },
-  };
+  return { draw, move(phase) { fill(shape, { d: bent(bending, Math.cos(phase)) }); } };
 }
