@@ -137,10 +137,8 @@
     return { shown, choose };
   });
   function follow() { // a link to a figure leads to its mode
-    let id = location.hash.slice(1);
-    try { id = decodeURIComponent(id); } catch { return; }
     for (const { shown, choose } of plates) {
-      const one = id && shown.find(({ figure }) => figure.id === id);
+      const one = shown.find(({ figure: { id } }) => id && `#${id}` === location.hash);
       if (!one) continue;
       choose(one);
       one.figure.scrollIntoView();
