@@ -1,5 +1,4 @@
-// Figures grow: a click, a tap or the button beside them opens them as large as the window; those of
-// one case stand one behind the other.
+// A click, a tap or the button next to a figure opens it as large as the window.
 (() => {
   const { element, button, dialog } = window.thesisBook;
   const MOST = 12, STEP = 1.4;
@@ -138,10 +137,8 @@
     return { shown, choose };
   });
   function follow() { // a link to a figure leads to its mode
-    let id = location.hash.slice(1);
-    try { id = decodeURIComponent(id); } catch { return; }
     for (const { shown, choose } of plates) {
-      const one = id && shown.find(({ figure }) => figure.id === id);
+      const one = shown.find(({ figure: { id } }) => id && `#${id}` === location.hash);
       if (!one) continue;
       choose(one);
       one.figure.scrollIntoView();

@@ -1,5 +1,4 @@
-// What every page offers its readers: tables that fit, links that tell what they lead to, how to
-// cite; and what the scripts of the search and the figures share with these.
+// Tables that fit, previews of links, how to cite; and what search.js and figures.js share.
 window.thesisBook = (() => {
   const root = new URL(document.documentElement.dataset.content_root ?? "./", location.href).href;
   const loading = {};
@@ -33,8 +32,7 @@ window.thesisBook = (() => {
   return { root, load, element, button, dialog, closes, entries };
 })();
 
-// Tables wider than their place become tighter, on a phone cards, a row each; what still is too
-// wide says that it scrolls.
+// Tables that are too wide become tighter, on a phone one card per row; else they scroll.
 addEventListener("load", async () => {
   const { element } = window.thesisBook;
   await window.MathJax?.startup?.promise;

@@ -1,5 +1,4 @@
-// The search: what the pages hold (entries.js) is read and put in order by MiniSearch when the
-// search is first opened, so that a page that only is read loads none of it.
+// The search: MiniSearch reads the entries of all pages when the search is first opened.
 (() => {
   const { root, load, element, closes } = window.thesisBook;
   const dialog = document.getElementById("pst-search-dialog");

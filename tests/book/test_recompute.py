@@ -43,9 +43,12 @@ def distance(tmp_path_factory):
 
 
 def until(opened, what):
-    """Until the worker has said what was asked last: `literal`, `looked` or `drawn`."""
-    script = f"() => document.querySelector('{FORM}').recompute.times.{what} > 0"
-    opened.page.wait_for_function(script, timeout=120_000)
+    """Wait for the nominal run (`literal`) of the last request, or for all its draws (`drawn`)."""
+    script = """([form, drawn]) => {
+      const data = document.querySelector(form).recompute.data();
+      const isDrawn = ({ modes }) => modes.every(({ median }) => Number.isFinite(median));
+      return data && (!drawn || data.all.every(isDrawn)); }"""
+    opened.page.wait_for_function(script, arg=[FORM, what == "drawn"], timeout=120_000)
 
 
 def shown(opened):
@@ -205,7 +208,6 @@ def test_the_published_run_comes_out_and_stands_behind(conforms, chromium, form,
         until(opened, "drawn")
         seen = [one["in_view"] for one in shown(opened)["all"]]
         modes = [mode for one in shown(opened)["all"] for mode in one["modes"]]
-        print(name, opened.page.evaluate(f"document.querySelector('{FORM}').recompute.times"))
         words = said(opened, SENTENCE)
     for key, name in (("mean", "trial_0"), ("median",) * 2, ("low",) * 2, ("high",) * 2):
         known, found = table[name].values, np.array([mode[key] for mode in modes])

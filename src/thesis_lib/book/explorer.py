@@ -117,7 +117,7 @@ def explorer_html(address: str = "", compact: bool = False) -> str:
         Show the view, the shapes and the least controls, with a link to the page ``explorer.html``
         that has them all.
     """
-    traits = {"data": explorer_data(), "address": address, "page": True, "compact": compact}
+    traits = {"data": explorer_data(), "address": address, "compact": compact}
     script, style = join_modules("explorer"), VIEWER_CSS + read_asset("explorer.css")
     return static_html(script, style, traits, EXPLORER_FALLBACK, prints=True)
 

@@ -1,5 +1,4 @@
-// Panel (d): the mean error of each setting as a bar, or one per plane of the sound; point, pin,
-// walk.
+// Panel (d): the mean error of each setting as a bar, or as one bar per plane of the sound.
 import { MARGIN, axes, spread } from "./chart.js";
 import { ARROWS, entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
 
@@ -8,6 +7,9 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
 
   function draw() {
     const { data } = study, width = study.ofBars, settings = study.settings();
+    const title = `Mean error of each setting${data.planes ? " on both planes" : ""}`;
+    const help = "Arrow keys move, Enter pins, Escape releases.";
+    entitle(panel, study, "group", title, "", help);
     const { label, unit } = data.parameter;
     const every = settings.map((_, i) => study.errors(i)), count = every[0].length;
     const errors = every.flat(), [least, most] = spread(errors.map((r) => [r.mean, r.low, r.high,
@@ -55,8 +57,7 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     const size = Math.min(12, Math.min(near, free) / (0.62 * longest));
     const number = (r, middle) => text(middle,
       y(Math.max(...[0, r.mean, r.high, r.stated?.[1]].filter(isNumber))) - 6, show(r.mean));
-    // Beside the buttons, not in them: a button's own text is its setting, and its name begins with
-    // it.
+    // Next to the buttons, not in them: the name of a button begins with its own text, the setting.
     const values = settings.map((_, i) => svg("g", { class: `tl-value${size < 12 ? " tl-tight" : ""}`,
       style: `font-size: ${size}px`, "data-setting": i, "aria-hidden": "true" },
     every[i].map((r, n) => (isNumber(r.mean) || !r.name) && number(r, middleOf(i, n)))));
@@ -114,12 +115,5 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
       html("span", {}, icon(18, ...parts), words)));
   }
 
-  return {
-    draw,
-    label() {
-      const where = study.data.planes ? " on both planes" : "";
-      entitle(panel, study, "group", `Mean error of each setting${where}`, "",
-        "Arrow keys move, Enter pins, Escape releases.");
-    },
-  };
+  return { draw };
 }

@@ -30,6 +30,5 @@ KINDS.beam = (study) => {
       for (const { canvas } of [b, c]) canvas.append(...[...canvas.querySelectorAll(".tl-series")]
         .filter((series) => study.stateOf(Number(series.dataset.setting)) === "on"));
     },
-    stop() {},
   };
 };

@@ -1,5 +1,4 @@
-// The explorer: cameras to drag around a beam or a plate, and at once the accuracy that they give.
-// Front end of thesis_lib.book.explorer in the form that static_html runs.
+// The explorer: cameras to drag around a beam or a plate, and the accuracy that they give.
 import { createShapes, createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
@@ -9,16 +8,14 @@ import {
 import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
 
-// --- what it shows, as a state: s structure, m mode, w [width, height] in px, f focal length, d
-// distance and a amplitude in mm, r rest position, c [azimuth, elevation] of each camera in degrees,
-// t the thesis's setup last chosen
+// --- its state: s structure, m mode, w [width, height] in px, f focal length, d distance and
+// a amplitude in mm, r rest position, c directions of the cameras in degrees, t setup last chosen
 const TRIALS = 100;
 const NO_STATE = Object.fromEntries([..."smtwfdarc"].map((key) => [key, null]));
 const FIRST_SETUP = "4a-4";
 const sixteenToNine = (width) => [width, rint((width * 9) / 16)];
 
-// What is allowed, here and by `thesis run`: the structure is in front of the cameras, no two of
-// which are in one place.
+// As in `thesis run`, the structure is in front of the cameras, each in a place of its own.
 const limits = ({ a }, { length, width }) => ({
   d: [Math.floor(500 * Math.hypot(length, width) + a) + 1, 10000],
   f: [1, 1000], a: [0.01, 100], w: [16, 8192],
@@ -38,8 +35,8 @@ function setupOf(state, { setups, reading }) { // the thesis's setup that a stat
   return same.find(({ id }) => id === state.t) ?? same[0];
 }
 
-// --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, and ?s=beam&m=1&t=4a-6 for a setup of the
-// thesis; what is unknown or makes no sense is ignored
+// --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, or ?s=beam&m=1&t=4a-6 for a setup of the
+// thesis; unknown and senseless values are ignored
 function fromAddress(query, structures) {
   const given = new URLSearchParams(query);
   const among = (key, choices) => choices[Math.max(0, choices.indexOf(given.get(key)))];
@@ -112,12 +109,12 @@ const createRow = (words, cells) => html("tr", {}, html("th", { scope: "row" }, 
   Object.entries(cells).map(([name, value]) =>
     html("td", { class: `tl-ex-${name}`, colspan: name === "stated" ? 3 : null }, value)));
 
-function render({ model: traits, el }) {
-  const { structures, colors, colormap, sensor_width_mm: sensorWidth } = traits.get("data");
-  const onPage = Boolean(traits.get("page")), compact = traits.get("compact");
+function render({ model, el }) {
+  const { structures, colors, colormap, sensor_width_mm: sensorWidth } = model.get("data");
+  const compact = model.get("compact");
   const uid = `tl-${Math.random().toString(36).slice(2, 10)}`, refreshers = [];
-  const linked = onPage && Object.keys(NO_STATE).some((key) => asked(key) !== null);
-  const query = linked ? location.search : traits.get("address");
+  const linked = Object.keys(NO_STATE).some((key) => asked(key) !== null);
+  const query = linked ? location.search : model.get("address");
   let setup, built = {}, frame = 0, timer = 0, free = false;
   const app = { // what the view and the shapes need
     colormap, sensorWidth, update, remove, request, result: null,
@@ -152,7 +149,7 @@ function render({ model: traits, el }) {
     refreshers.push(() => {
       whole.href = `explorer.html?${toAddress(app.state, app.structure)}`;
     });
-  } else if (onPage) bottom.append(...linkButton(settle));
+  } else bottom.append(...linkButton(settle));
 
   // --- controls
   function add(label, node, refresh, cls = "") {
@@ -170,8 +167,7 @@ function render({ model: traits, el }) {
     const box = select(pairs, {}, write);
     return add(label, box, () => { box.value = read(); }, cls);
   }
-  // Taken while it is typed; refused when it is left, or at once if no further digit could make it
-  // right.
+  // Refused when it is left, or at once if no further digit could make it right.
   function numeric(what, unit, read, range, write, attributes) {
     const box = html("input", { type: "number", step: "any", ...attributes,
       oninput: () => take(false), onchange: () => take(true) });
@@ -325,34 +321,18 @@ function render({ model: traits, el }) {
     request();
   }
   function refuse(words) { if (refusal.textContent !== words) refusal.textContent = words; }
-  function settle() { // the address follows when the reader pauses
-    const address = toAddress(app.state, app.structure);
-    if (onPage) return keep(NO_STATE, location.hash, address);
-    traits.set("address", address);
-    traits.save_changes();
-  }
-  function follow() { // the address of a live notebook, set from Python
-    if (traits.get("address") !== toAddress(app.state, app.structure))
-      update(fromAddress(traits.get("address"), structures));
-  }
+  // The address follows when the reader pauses.
+  function settle() { keep(NO_STATE, location.hash, toAddress(app.state, app.structure)); }
 
   Object.assign(root, { explorer: { structures, app }, moving: { motion, image } }); // for tests
   el.replaceChildren(root);
   tick();
   motion.watch(view.node, image.node);
-  const unfollow = followWidth(root, () => {
+  followWidth(root, () => {
     [view, shapes].forEach((one) => one.remeasure());
     app.result = null; // draws all again
     request();
   });
-  if (!onPage) traits.on("change:address", follow);
-  return () => {
-    unfollow();
-    cancelAnimationFrame(frame);
-    motion.stop();
-    clearTimeout(timer);
-    traits.off("change:address", follow);
-  };
 }
 
 export default { render };

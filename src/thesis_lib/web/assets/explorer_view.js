@@ -1,6 +1,5 @@
-// What the explorer draws: the structure, bent, with cameras around it to be dragged along their
-// hemisphere, and its shapes, curves along a beam or maps of a plate. `app` is what explorer.js
-// offers.
+// Drawings of the explorer: the bent structure with cameras that can be dragged along their
+// hemisphere, and its shapes, curves along a beam or maps of a plate; `app` is of explorer.js.
 import { axes } from "./chart.js";
 import { colourOf } from "./maps.js";
 import { ARROWS, circle, clamp, fill, html, lines, mark, path, show, svg, text } from "./parts.js";

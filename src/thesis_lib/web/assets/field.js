@@ -1,5 +1,4 @@
-// A sound field on a plane above what vibrates, at any instant of the period: complex pressures at
-// its points, u-major.
+// Sound fields on planes at any instant of the period: complex pressures at points, u-major.
 import { channelsOf, createMap } from "./maps.js";
 import { createMotion } from "./motion.js";
 import { clamp, html, path } from "./parts.js";
@@ -18,9 +17,8 @@ export const playFields = (shown, colormap) => {
     shown.forEach((one) => one.paint(colours, Math.cos(phase), Math.sin(phase)))], false);
 };
 
-// A plane with axes in mm over a structure that reaches as far as `half`, and on it its field, or
-// the words of why there is none. Returns the element and what paints an instant of the field on a
-// scale that ends at `most`.
+// A plane with axes in mm over a structure from −half to half, with its field, or the words of why
+// there is none. Returns the element and what paints an instant on a scale that ends at `most`.
 export function createPressure(width, plane, half, field, most, heading, names, words) {
   const { u_mm: [u0, u1], z_mm: [z0, z1], shape: [nu, nz], name } = plane;
   const du = (u1 - u0) / (nu - 1) / 2, dz = (z1 - z0) / (nz - 1) / 2; // a pixel around each point

@@ -1,6 +1,5 @@
 // The ledger: the claims of the thesis with their verdicts, as a table to filter, search and sort.
-// Front end of thesis_lib.figure_sets.claims.figures.LedgerTable in the form anywidget expects; static_html runs it without a
-// kernel.
+// Front end of thesis_lib.figure_sets.claims.figures.LedgerTable.
 import { asked, button, copyButton, fill, html, keep, linkButton, options, svg } from "./parts.js";
 
 // A mark for each verdict, told apart by shape first; the order is that of sorting and of the count.
@@ -40,8 +39,8 @@ function link(words, href) {
   return href && node.protocol !== "javascript:" ? node : words;
 }
 
-// --- one claim: a body of its own with a row, and a second row once it is opened. The roles are written out, for
-// the style makes grids of the rows, which would take the table's meaning from them in some browsers.
+// --- one claim: a body with a row, and a second row once it is opened. The roles are written out,
+// for the style makes grids of the rows, which some browsers then no longer report as a table.
 const drawVerdict = (verdict) => svg("svg", { width: 12, height: 12, viewBox: "0 0 12 12",
   "aria-hidden": "true", "data-verdict": verdict }, svg("path", { d: MARKS[verdict] ?? MARKS.undefined }));
 function secondLine(row) {
@@ -210,13 +209,12 @@ function render({ model, el }) {
 
   build();
   el.replaceChildren(root); // at once, complete: the table is laid out only here
-  if (onPage) follow();
-  if (onPage) window.addEventListener("hashchange", follow);
+  if (onPage) {
+    follow();
+    addEventListener("hashchange", follow);
+  }
   model.on("change:data", build);
-  return () => {
-    window.removeEventListener("hashchange", follow);
-    model.off("change:data", build);
-  };
+  return () => model.off("change:data", build);
 }
 
 export default { render };

@@ -1,6 +1,5 @@
 // A measured shape that moves in space, in colours by deflection, with the uncertainty of each
-// marker as a whisker. Front end of thesis_lib.measure.report.build in the form that static_html
-// runs.
+// marker as a whisker. Front end of thesis_lib.measure.report.build.
 import { colourBar, colourOf } from "./maps.js";
 import { createMotion } from "./motion.js";
 import {

@@ -1,21 +1,20 @@
-// What vibrates: a slowed period that plays, pauses and is set by hand, and what one camera sees of
-// it.
+// A slowed period that plays, pauses and is set by hand, and what one camera sees of it.
 import { button, fill, html, icon, options, path, select, show } from "./parts.js";
 import { inView, pixelate, project } from "./pinhole.js";
 
 const PERIOD = 2400; // ms of a period on the screen, at speed 1
 const SPEEDS = [[0.25, "¼ ×"], [0.5, "½ ×"], [1, "1 ×"], [2, "2 ×"]];
 
-// Calls each of the functions `draws` with the phase in rad, in each frame while it plays. It plays
-// by itself if `unasked`, but not for readers who want no movement; nowhere while it is out of sight,
-// and in print it stands at its largest deflection.
+// Calls the functions `draws` with the phase in rad, in each frame while it plays and is in sight.
+// It plays by itself if `unasked` and motion is not to be reduced; in print the phase is 0.
 export function createMotion(draws, unasked = true) {
   const [still, print] = ["(prefers-reduced-motion: reduce)", "print"].map((one) => matchMedia(one));
   const player = button("", { class: "tl-play", "data-testid": "play" }, () => play(!wanted));
   const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase",
-    oninput() { play(false); put(Number(slider.value)); } });
+    oninput() { play(false); put(Number(slider.value)); }, "aria-valuetext": "0°" });
   const speed = select(SPEEDS, { "data-testid": "speed" }, tellSpeed, 1), visible = new Set();
-  const degrees = html("span", { "aria-hidden": "true" }), slowed = html("span", { class: "tl-slowed" });
+  const degrees = html("span", { "aria-hidden": "true" }, "0°");
+  const slowed = html("span", { class: "tl-slowed" });
   const node = html("div", { class: "tl-time" }, player,
     html("div", { class: "tl-phase" }, html("label", {}, "phase ωt", slider), degrees),
     html("label", { class: "tl-speed" }, "speed", speed), slowed);
@@ -24,13 +23,10 @@ export function createMotion(draws, unasked = true) {
   const redraw = () => draws.forEach((draw) => draw((phase * Math.PI) / 180));
   function put(angle) {
     phase = angle;
-    tell();
-    redraw();
-  }
-  function tell() {
     slider.value = Math.round(phase);
     degrees.textContent = `${slider.value}°`;
     slider.setAttribute("aria-valuetext", degrees.textContent);
+    redraw();
   }
   function tellSpeed() {
     const times = show((hertz * PERIOD) / 1000 / speed.value);
@@ -55,7 +51,6 @@ export function createMotion(draws, unasked = true) {
   });
   still.addEventListener("change", () => { if (still.matches) play(false); }, { signal });
   print.addEventListener("change", () => { follow(); if (print.matches) put(0); }, { signal });
-  tell();
   play(unasked && !still.matches);
   return {
     node, put, redraw,
@@ -69,8 +64,7 @@ export function createMotion(draws, unasked = true) {
   };
 }
 
-// The image of one of several cameras: each marker at the whole pixel to which it is rounded, and
-// where it is at rest.
+// The image of one of several cameras: the whole pixel of each marker, now and at rest.
 export function createImage() {
   const WIDTH = 320, HEIGHT = 180;
   const canvas = html("canvas", { width: WIDTH, height: HEIGHT, role: "img" });
@@ -114,8 +108,7 @@ export function createImage() {
   }
   return {
     node, pixels: () => Array.from(seen),
-    // Projection matrices, width and height in px, points at rest and at most, principal point
-    // beside the middle in px, whose they are.
+    // Projection matrices, size in px, points at rest and deflected, offset in px, whose they are.
     load(cameras, sensor, markers, deflected, offset = 0, whose = "") {
       [P, size, rest, moved, shifts] = [cameras, sensor, markers, deflected, [offset, offset]];
       name = whose && `${whose}: `;

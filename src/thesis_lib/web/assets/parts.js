@@ -1,13 +1,12 @@
-// What every part of a page uses: elements, numbers as text, marks of the settings, figures,
-// pointer and width, the address, and buttons that copy.
+// Shared parts: elements, numbers, marks, figures, pointer and width, address, buttons that copy.
 
 // Each kind of structure registers its own panels here, by the name in `structure.kind`: a function
-// of (study, uid) that returns {figures, draw(), highlight(), stop()}.
+// of (study, uid) that returns {figures, draw()} and if needed highlight() and stop().
 export const KINDS = {};
 
 // --- elements
-// Attributes, handlers of events and text only, never markup: strings of the data cannot become
-// elements. Lists of children are appended as well; what is null, false or empty is left out.
+// Attributes, handlers and text, never markup: strings of the data cannot become elements. Lists
+// of children are appended as well; null, false and empty ones are left out.
 export function fill(node, attributes, ...children) {
   for (const [name, value] of Object.entries(attributes)) {
     if (typeof value === "function") node.addEventListener(name.slice(2), value);
@@ -52,7 +51,7 @@ export const field = (label, node, attributes = {}) =>
   html("label", { class: "tl-field", ...attributes }, html("span", {}, label), node);
 
 // --- numbers
-export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
+export const isNumber = Number.isFinite; // of a number, for other types are none
 export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−");
 const digitsOf = (value) =>
@@ -76,8 +75,7 @@ export function ticks(low, high, count) { // pairs of a value and its text
 export const ticksBelow = (pairs, x, bottom) => pairs.flatMap(([value, words]) => [
   path("tl-axis", `M${x(value)} ${bottom}v4`), text(x(value), bottom + 17, words)]);
 
-// --- marks of the settings: a shape each (null: a circle), so that colour is never the only
-// difference
+// --- marks of the settings differ also in shape (null: a circle), not in colour alone
 const SHAPES = [null, [[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]],
   [[0, -1.2], [1.1, 0.8], [-1.1, 0.8]], [[0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]],
   [[0, 1.2], [1.1, -0.8], [-1.1, -0.8]], [[-1.4, -0.5], [1.4, -0.5], [1.4, 0.5], [-1.4, 0.5]]];
@@ -113,9 +111,8 @@ export const ARROWS = { // to the right and up
 
 // Of a pointer, px from the corner of a box.
 export const placeIn = ({ left, top }, { clientX, clientY }) => [clientX - left, clientY - top];
-// While a pointer is down on a node: `take(place, event)` returns what is called with the places of
-// its moves, if anything, and `end` is called when it is let go. Places are in the box that the node
-// had at first, for a drag may move it.
+// When a pointer is pressed on a node, `take(place, event)` may return a function of the places of
+// its moves; `end` is called when it is let go. Places are in the box that the node had at first.
 export function followDrag(node, take, end = () => {}) {
   let move = null, box;
   node.classList.add("tl-drag");
@@ -160,8 +157,7 @@ export function keep(values, hash = location.hash, address = null) {
 }
 
 // --- buttons that copy: a command, the address of what is shown
-// `node` holds the text, or is where it is shown and selected if there is no clipboard, or no
-// permission.
+// Without a clipboard, or permission, the text is shown in `node` and selected.
 export function copyButton(words, label, textOf, node) {
   const names = { class: "tl-copy", "aria-label": label, "aria-live": "polite" };
   const made = button(words, names, async () => {

@@ -1,7 +1,6 @@
-// Beams and plates that bend, cameras with few pixels that see them, and what is measured: the
-// one place where physics is written twice, so that a page without a kernel can compute. Names are
-// those of `vibration` and `vision`, against which tests/book/test_recompute.py holds them; units
-// and orders are those of pinhole.js, but for what a setting of cameras is given in.
+// Bending beams and plates, and their measurement by cameras: physics written a second time, so
+// that a page without a kernel can compute. Names are those of `vibration` and `vision`, with which
+// tests/book/test_recompute.py compares; units and orders are those of pinhole.js.
 import { hemisphereCameras, inView, pixelate, project, radians, rint } from "./pinhole.js";
 
 // --- vibration: structure.py
@@ -31,8 +30,7 @@ export function modeShape({ kind, length, width, roots, indices }, mode, x, y) {
     - cos(beta * s) + sigma * sin(beta * s);
 }
 
-// Single-mode deflection of every marker at the instant of its maximum, scaled to its peak over the
-// structure.
+// Largest deflection of every marker in one mode, which is `peak` at its largest on the structure.
 export function deflectionShape(structure, mode, peak) {
   const [x, y] = markers(structure);
   return x.map((_, i) => modeShape(structure, mode, x[i], y[i]) * (peak / 2));
@@ -79,8 +77,7 @@ export function triangulate(P, uv, given = null, steps = given ? 2 : 3) {
         const k = 12 * (row >> 1) + 8, a = k - 8 + 4 * (row & 1);
         const m = uv[row * count + p] - middle[row];
         const w = step ? 1 / (Q[k] * X + Q[k + 1] * Y + Q[k + 2] * Z + Q[k + 3]) : 1;
-        // Start: (a − m a₃)·X = m b₃ − b. Step: J ΔX = m − h with the reprojection h and
-        // J = w (a − h a₃).
+        // Start: (a − m a₃)·X = m b₃ − b. Step: J ΔX = m − h, reprojection h, J = w (a − h a₃).
         const h = step ? w * (Q[a] * X + Q[a + 1] * Y + Q[a + 2] * Z + Q[a + 3]) : m;
         const r = step ? m - h : m * Q[k + 3] - Q[a + 3];
         const x = w * (Q[a] - h * Q[k]), y = w * (Q[a + 1] - h * Q[k + 1]);
@@ -132,9 +129,8 @@ export function deflectionVariance(P, rest, deflected, restIsKnown = false) {
 }
 
 // --- vision/simulation.py
-// Deflections that cameras with whole pixels measure, with their pixel grids shifted (null: the
-// nominal run). `deflected` may hold the markers several times, once for each mode; `near` starts
-// the search at the true points, which takes fewer steps.
+// Deflections that cameras with whole pixels measure, with shifted pixel grids (null: nominal run).
+// `deflected` may hold all markers once per mode; `near` starts at the true points: fewer steps.
 export function measureDeflections(P, rest, deflected, shifts, restIsKnown = false, near = false) {
   const heightsOf = (points) => points.filter((_, i) => i % 3 === 2);
   function measureHeights(points) {
@@ -164,14 +160,12 @@ export function randomNumber(n) {
   z ^= z + Math.imul(z ^ (z >>> 7), z | 61);
   return ((z ^ (z >>> 14)) >>> 0) / 2 ** 32;
 }
-// Shifts of the pixel grids in ±½ px, by draw, camera and axis alone, so that results follow a
-// change smoothly.
+// Shifts of pixel grids in ±½ px, by draw, camera and axis: results follow a change smoothly.
 export const shiftsOf = (draw, cameras, offset) => Float64Array.from({ length: 2 * cameras },
   (_, i) => randomNumber(draw * 2 * MOST_CAMERAS + i + 1) - 0.5 + offset);
 
-// What the cameras measure of some modes in the nominal run, the law of it, and one draw after the
-// other. `shapes` are modes with the peaks of their deflection in m; `offset` is that of the
-// principal point.
+// Measurements of some modes in the nominal run, their predicted errors, and draws one by one.
+// `shapes` are modes with peaks of deflection in m; `offset` is that of the principal point.
 export function simulateSetting(setting, structure, shapes) {
   const { distance, cameras, focal, size, known, offset = 0 } = setting;
   const P = hemisphereCameras(distance / 1000, cameras.map(radians), focal, size);

@@ -1,6 +1,5 @@
 // Cameras that look at the origin, and whole pixels, as in vision/pinhole.py. Lengths in m, angles
-// in rad, images in px; points are flat lists X Y Z X Y Z …, images flat lists by camera,
-// coordinate (u, v) and point, as (cameras, 2, points) there. tests/book/test_recompute.py compares.
+// in rad, images in px; flat lists of points X Y Z X Y Z …, and of images as (cameras, 2, points).
 const { abs, sin, cos } = Math;
 
 const hemisphereDirection = (azimuth, elevation) =>
@@ -11,8 +10,7 @@ export const radians = (pair) => pair.map((angle) => (angle * Math.PI) / 180);
 export const towards = (pair) => hemisphereDirection(...radians(pair)); // a camera, of length 1
 export const apart = (one, two) => Math.hypot(...towards(one).map((c, i) => c - towards(two)[i]));
 
-// Projection matrices K [R | −R C] of equal cameras that look at the origin, 12 numbers each
-// (eq. 3.10).
+// Projection matrices K [R | −R C] (eq. 3.10) of equal cameras, 12 numbers each.
 export function hemisphereCameras(distance, directions, focalPx, [width, height]) {
   return Float64Array.from(directions.flatMap(([azimuth, elevation]) => {
     const out = hemisphereDirection(azimuth, elevation), C = out.map((c) => distance * c);
@@ -52,11 +50,8 @@ export function pixelate(uv) { // within 1e-9 px of a half counts as that half
 
 // Share of the images that lie on the sensor.
 export function inView(uv, [width, height], n) {
-  const count = uv.length / (2 * n);
-  let inside = 0;
-  for (let i = 0; i < n; i += 1) for (let p = 0; p < count; p += 1) {
-    const u = uv[2 * i * count + p], v = uv[(2 * i + 1) * count + p];
-    if (u >= 0 && u <= width && v >= 0 && v <= height) inside += 1;
-  }
-  return inside / (n * count);
+  const count = uv.length / (2 * n), isU = (i) => Math.floor(i / count) % 2 === 0;
+  const isIn = (value, most) => value >= 0 && value <= most;
+  const inside = uv.filter((u, i) => isU(i) && isIn(u, width) && isIn(uv[i + count], height));
+  return inside.length / (n * count);
 }

@@ -120,6 +120,5 @@ KINDS.plate = (study, uid) => {
         colourBar(`${uid}-scale-${n}`, study.data.colormap, most, "mm", "deflection", wide)));
     },
     highlight: drawMeasured,
-    stop() {},
   };
 };

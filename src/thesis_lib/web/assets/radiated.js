@@ -1,5 +1,4 @@
-// The sound field of a measured shape on the planes above it, playing.
-// Front end of thesis_lib.measure.report.build in the form that static_html runs.
+// The sound field of a measured shape, playing. Front end of thesis_lib.measure.report.build.
 import { amplitude, createPressure, decode, playFields } from "./field.js";
 import { colourBar } from "./maps.js";
 import { figure, followWidth, html } from "./parts.js";

@@ -1,7 +1,6 @@
-// A request of chapter 3 or 4 computed in the page: its settings, as facts/setups.py makes them, and
-// what is refused of them beside bounds, in the words of figure_sets/parametric; a worker measures
-// them, and what it says becomes the viewer's data. Values are as request.js reads them: whole
-// numbers are BigInt, objects are Maps.
+// A request of chapter 3 or 4 computed in the page: its settings, as in facts/setups.py, refusals
+// beyond bounds, in the words of figure_sets/parametric, and the viewer's data from the results of
+// a worker. Values are as in request.js: whole numbers are BigInt, objects are Maps.
 import { isNumber, show } from "./parts.js";
 import { MOST_CAMERAS } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
@@ -90,8 +89,8 @@ function findLimit({ estimator, noise_px: noise, modes }, settings, markers) { /
   return images > MOST_IMAGES ? `${images} images of markers (a page takes ${MOST_IMAGES})` : "";
 }
 
-// A request by the names of its parameters: settings, modes with their peaks, the structure; or why
-// there are none: a `problem`, or what is `left` to the command.
+// Settings, modes with their peaks and the structure of a request, or a `problem`, or why it is
+// `left` to the command.
 function planRequest({ subject, study, others }, values, facts) {
   const unknown = Object.keys(others).find((name) => formatGiven(values[name]) !== others[name]);
   if (unknown) return { left: `the parameter ${unknown}` };
@@ -117,7 +116,7 @@ function planRequest({ subject, study, others }, values, facts) {
 }
 
 // --- results
-const toMm = (values) => values.map((value) => 1000 * value);
+const toMm = (values) => Array.from(values, (value) => 1000 * value);
 
 // What the viewer draws, before the draws. `facts` are those of figure_sets/parametric/in_page.py.
 function describeResults(set, plan, found, values, facts) {
@@ -145,7 +144,7 @@ function describeResults(set, plan, found, values, facts) {
       y_mm: y.filter((_, n) => n % grid[0] === 0) } : { x_mm: x }),
     lens: Object.fromEntries(facts.lens.map((name) => [name, values[name]])), all,
     modes: shapes.map(({ mode }, m) => ({ mode, frequency_hz: hertz[mode - 1],
-      reference_mm: toMm(found.references[m]) })),
+      reference_mm: toMm(found.settings[0].modes[m].reference) })),
     cases: [...new Set(settings.map((one) => one.case))].map((name) => ({
       name, title: ownPair || (set.titles[name] ?? "own layout"), figures: {},
       settings: all.filter((_, i) => settings[i].case === name),
@@ -153,8 +152,7 @@ function describeResults(set, plan, found, values, facts) {
   };
 }
 
-// How the errors compare with those of the published run, in a sentence, and another one where
-// cameras would miss markers, which are computed all the same.
+// A sentence that compares the errors with the published ones, and warns of markers out of view.
 function compareResults({ all }) {
   const every = all.flatMap((one) => one.modes), done = every.every((one) => isNumber(one.median));
   const of = (one) => (done ? one.median : one.mean), rise = (a, b) => a - b;
@@ -179,15 +177,14 @@ function compareResults({ all }) {
   return `${alone}the ${which} is ${show(middle)} times the published one${places}.${warning}`;
 }
 
-// `put` is given the viewer's data, and again when there is more; `looked` tells the name of the
-// case that is looked at; `failed` is called where a page may not compute.
+// `put` takes the viewer's data, whenever there is more; `looked` returns the name of the case in
+// sight; `failed` is called where a page may not compute.
 export function createRecompute(facts, put, looked, failed) {
   let worker = null, last = 0, waiting = null, frame = 0;
-  const times = {}; // ms from the request, for tests
-  const caseOf = ({ settings }) =>
-    (settings.find((one) => one.case === looked()) ?? settings[0]).case;
-  const indices = (plan) =>
-    plan.settings.flatMap((one, i) => (one.case === caseOf(plan) ? [i] : []));
+  function indices({ settings }) { // of the settings in sight
+    const { case: shown } = settings.find((one) => one.case === looked()) ?? settings[0];
+    return settings.flatMap((one, i) => (one.case === shown ? [i] : []));
+  }
 
   function start() {
     const address = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
@@ -197,27 +194,20 @@ export function createRecompute(facts, put, looked, failed) {
     worker.onerror = (event) => { event.preventDefault(); failed(); };
   }
   function take(found) {
-    const since = performance.now() - waiting.begun, { set, plan, values } = waiting;
-    if (found.settings) {
-      waiting.data = describeResults(set, plan, found, values, facts);
-      times.literal = since;
-      return put(waiting.data);
-    }
+    const { set, plan, values } = waiting;
+    if (found.settings)
+      return put(waiting.data = describeResults(set, plan, found, values, facts));
     waiting.data.all[found.index].modes.forEach((one, m) => {
-      const [[median, low, high]] = found.bands[m];
+      const [median, low, high] = found.bands[m];
       Object.assign(one, { median, low, high });
     });
-    if (plan.settings[found.index].case === caseOf(plan)) times.looked = since;
-    if (!found.left) times.drawn = since;
     frame ||= requestAnimationFrame(() => {
       frame = 0;
       if (waiting?.data) put(waiting.data = { ...waiting.data });
     });
   }
   return {
-    times,
-    // A request by the values of its parameters: says why it is refused or left to the command, or
-    // begins to compute it.
+    // Begins to compute a request, or returns why it is refused or left to the command.
     ask(name, values) {
       const set = facts.sets[name], plan = planRequest(set, values, facts);
       if (!plan.settings) {
@@ -228,8 +218,7 @@ export function createRecompute(facts, put, looked, failed) {
         return { left: "what this browser does not let a page do beside itself" };
       }
       last += 1;
-      Object.assign(times, { literal: null, looked: null, drawn: null });
-      waiting = { set, plan, values, begun: performance.now() };
+      waiting = { set, plan, values };
       worker.postMessage({ ...plan, id: last, draws: DRAWS, first: indices(plan) });
       return {};
     },
@@ -238,6 +227,7 @@ export function createRecompute(facts, put, looked, failed) {
       last += 1;
       waiting = null;
     },
+    data: () => waiting?.data,
     comparison: () => (waiting?.data ? compareResults(waiting.data) : ""),
   };
 }

@@ -1,5 +1,5 @@
-// Runs beside the page: settings come in; the nominal run and the law of all of them go out at
-// once, then the bands of each one as soon as its draws are made, those that are looked at first.
+// Takes settings; returns the nominal run and the predicted errors of all of them at once, then the
+// band of each one when it is drawn, those in sight first.
 import { bandOf, markers, simulateSetting } from "./physics.js";
 
 const SLICE = 40; // ms until it looks for other wishes
@@ -10,11 +10,8 @@ function begin({ id, structure, shapes, settings, draws, first }) {
   const busy = Boolean(job?.queue.length);
   job = { id, draws, found, queue: found.map((_, i) => i) };
   prefer(first);
-  const results = found.map(({ inView, modes }) => ({ inView,
-    modes: modes.map(({ measured, errors, predicted }) =>
-      ({ measured: Array.from(measured), errors, predicted })) }));
-  postMessage({ id, markers: markers(structure), settings: results,
-    references: found[0].modes.map(({ reference }) => reference) });
+  const results = found.map(({ inView, modes }) => ({ inView, modes }));
+  postMessage({ id, markers: markers(structure), settings: results });
   if (!busy) setTimeout(work);
 }
 function prefer(first) {
@@ -28,8 +25,7 @@ function work() {
     draw();
     if (modes[0].means.length < draws) continue;
     queue.shift();
-    const bands = modes.map(({ means, peaks }) => [means, peaks].map(bandOf));
-    postMessage({ id, index, left: queue.length, bands });
+    postMessage({ id, index, bands: modes.map(({ means }) => bandOf(means)) });
   }
   if (queue.length) setTimeout(work);
 }

@@ -1,8 +1,7 @@
 // What is typed for a request as Python reads, judges and writes it: JSON, bounds, commands.
 
 // --- Python's JSON. What is typed means what it means after `-p name=`: JSON, or else text.
-// Numbers with a point are Number and others BigInt, for a whole number is asked for as such; objects are
-// Maps, which keep the order of names.
+// Numbers with a point are Number, others BigInt; objects are Maps, which keep the order of names.
 const TOKEN =
   /"(?:[^"\\]|\\.)*"(\s*:)?|-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][+-]?\d+)?|NaN|-?Infinity/g;
 function wrapNumber(token, colon) { // into an object, and let the names of others begin with ~
@@ -55,8 +54,7 @@ export function formatGiven(value) { // on one line, at most 60 signs; of a long
   return Array.isArray(value) ? `a list of ${value.length}` : `${signs.slice(0, 57).join("")}...`;
 }
 
-// --- checking, by the JSON schema of the parameter's model; refused first is what pydantic names
-// first
+// --- checking, by the JSON schema of the parameter's model, in the order of pydantic
 const TYPES = {
   integer: (value) => typeof value === "bigint",
   number: (value) => typeof value === "bigint" || Number.isFinite(value),

@@ -1,6 +1,5 @@
 // The rerun form: a figure set or chapter, its parameters, the command that runs it with them, and
-// for beam and plate the results, computed in the page. With one set alone it stands, made compact,
-// above that set's viewer. Front end of thesis_lib.notebook.show in the form that static_html runs.
+// for beam and plate the results, computed in the page; for one set alone a compact one.
 import { asked, button, copyButton, html, keep, linkButton, options } from "./parts.js";
 import { createRecompute } from "./recompute.js";
 import {
@@ -34,8 +33,7 @@ function createControl(field, text, id, attributes) {
   return [node, () => node.value];
 }
 
-// One parameter: `text` is what was typed so far, `more` a further hint, `changed` is called with
-// what is typed now.
+// One parameter: `text` was typed so far, `more` is a further hint; `changed` takes what is typed.
 function createField(field, id, text, more, changed) {
   const { name, meaning, unit, allowed, typed, schema } = field;
   const described = { id, "aria-describedby": `${id}-hint ${id}-problem` };
@@ -68,12 +66,11 @@ const ELSEWHERE =
 
 function renderForm({ model, el }) {
   const { fields, sets, chapters, here, start = {} } = model.get("form");
-  const original = model.get("data"), onPage = Boolean(model.get("page"));
-  const every = Object.keys(sets), compact = every.length === 1;
+  const original = model.get("data"), every = Object.keys(sets), compact = every.length === 1;
   const uid = `tl-rerun-${document.querySelectorAll(".tl-rerun").length}`;
   const begin = () => new Map( // what is typed, by number of the field
     fields.map(({ name }, n) => [n, start[name]]).filter(([, text]) => text !== undefined));
-  let texts = begin(), rows = [], shownOf = "", shown = null;
+  let texts = begin(), rows = [], shownOf = "";
 
   // --- elements
   const pairsOf = (names) => options(names.map((name) => [name, `${name}: ${sets[name].title}`]));
@@ -114,7 +111,6 @@ function renderForm({ model, el }) {
   const recompute = createRecompute(here, put, () => model.get("case"), () =>
     tell("This browser lets no page compute beside itself; the command runs it."));
   function put(data) {
-    shown = data;
     model.set("data", data);
     figure.hidden = see.hidden = !data;
     if (data && !figure.firstChild) viewer.render({ model, el: figure });
@@ -145,7 +141,7 @@ function renderForm({ model, el }) {
       return "";
     }
     const { problem, left } = recompute.ask(name, values);
-    if ((problem || left) && !shown) put(original);
+    if ((problem || left) && figure.hidden) put(original);
     if (left) tell(`Not in the page: ${left}. The command runs it.`);
     figure.toggleAttribute("data-stale", Boolean(left));
     recompute.refused = problem ? `thesis: ${name}: ${problem}` : "";
@@ -223,7 +219,6 @@ function renderForm({ model, el }) {
     }
   }
   function writeAddress() {
-    if (!onPage) return;
     const values = Object.fromEntries(fields.map(({ name }) => [name, null]));
     for (const { name, now, other } of rows)
       if (Object.hasOwn(start, name) ? now() !== start[name] : other) values[name] = now();
@@ -236,11 +231,11 @@ function renderForm({ model, el }) {
   }
 
   chooser.value = every.find((one) => Object.hasOwn(here.sets, one)) ?? every[0];
-  if (onPage) readAddress();
+  readAddress();
   chooser.addEventListener("change", build);
   root.addEventListener("change", writeAddress);
   model.on("change:case", recompute.prefer);
-  root.recompute = { model, times: recompute.times }; // for tests
+  root.recompute = { model, data: recompute.data }; // for tests
   el.replaceChildren(root, figure);
   build();
 }

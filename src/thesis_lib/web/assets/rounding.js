@@ -1,5 +1,4 @@
-// Small experiments on the law of rounding: one marker on one pixel grid, two cameras and a point,
-// many cameras and a beam. Front end of thesis_lib.book.explorer in the form that static_html runs.
+// Small experiments on the law of rounding. Front end of thesis_lib.book.explorer.
 import { axes } from "./chart.js";
 import {
   asked, button, circle, clamp, figure, fill, fixed, followDrag, followWidth, html, keep, lines,
@@ -26,9 +25,8 @@ function createSlider(state, set, [words, key, usual, range, step, digits, unit]
   } };
 }
 
-// An experiment: `build` returns its buttons, what tests may use as `model`, `reset`, called when the
-// state changes, and `draw(widths)`, which returns what is said below and may ask for one more frame
-// by `request`.
+// An experiment: `build` returns its buttons, a `model` for tests, `reset`, called when the state
+// changes, and `draw(widths)`, which returns the words below and may `request` one more frame.
 function render({ model, el }) {
   const [name, label, letters, build, ...rows] = EXPERIMENTS[model.get("experiment")];
   const status = html("p", { class: "tl-summary", role: "status" });
@@ -46,10 +44,9 @@ function render({ model, el }) {
   const built = build({ ...panels, ...model.get("data"), state, set, request, random });
   const sliders = rows.map((row) => createSlider(state, set, row));
   const nameOf = ({ key }) => `${name}-${key}`;
-  function remember() { // in the address, what is otherwise
-    keep(Object.fromEntries(sliders.map((one) =>
-      [nameOf(one), state[one.key] === one.usual ? null : state[one.key]])));
-  }
+  const valueOf = ({ key, usual }) => (state[key] === usual ? null : state[key]);
+  const remember = () => // in the address
+    keep(Object.fromEntries(sliders.map((one) => [nameOf(one), valueOf(one)])));
   for (const one of sliders) { // what is unknown or makes no sense is ignored
     const given = asked(nameOf(one)), value = Number(given || NaN);
     if (value === clamp(value, one.range)) set({ [one.key]: value });
@@ -81,13 +78,6 @@ function entitlePanel({ canvas, caption, foot }, words, more, below = "") {
 const chart = (panel, width, across, up, xTitle, yTitle) =>
   axes(panel, width, across, up, xTitle, yTitle, { columns: width < 420 ? 4 : 7 });
 
-function follow({ canvas }, take) {
-  followDrag(canvas, (place, event) => {
-    event.preventDefault();
-    return take(place);
-  });
-}
-
 // --- one marker on one pixel grid: what rounding makes of its motion, and the law from draws
 function buildMarker({ a, b, c, state, set, request, random }) {
   const REST = 0.2, MOST = 3, DRAWS = 200, found = new Map(); // px, px, draws, errors drawn
@@ -116,7 +106,8 @@ function buildMarker({ a, b, c, state, set, request, random }) {
   // (a) the grid: pixels as boxes around their centres, the marker at rest and moved
   let unit = 1;
   const x = (u) => (u + 1) * unit;
-  follow(a, ([x0]) => {
+  followDrag(a.canvas, ([x0], event) => {
+    event.preventDefault();
     const from = { ...state };
     if (Math.abs(x0 - x(REST + state.motion)) < 24) return ([now]) =>
       set({ motion: clamp(hundredth(from.motion + (now - x0) / unit), [0, MOST]) });
@@ -200,12 +191,10 @@ function buildPoint({ a, b, state, set, request, random }) {
   const DISTANCE = 500, FOCAL = (24 / 36) * 320, SPAN = DISTANCE / FOCAL; // mm, px, mm/px
   const DRAWS = 400, MOST = 6; // draws, mm
   let shifts = [0, 0], errors = [];
-  // The camera on each side looks down at the elevation φ; its image coordinate, in px, grows with X
-  // by `along` and with Z by `up`.
+  // Image coordinates of the camera on each side, in px, grow with X by `along`, with Z by `up`.
   const rows = (phi) => [-1, 1].map((side) =>
     ({ along: (-side * Math.sin(phi)) / SPAN, up: Math.cos(phi) / SPAN }));
-  // Motion of both images in px, its fraction, ∂Z/∂m of each camera in mm/px, and the standard
-  // deviation of the measured deflection in mm.
+  // Motion of both images in px, its fraction, ∂Z/∂m in mm/px, standard deviation of w in mm.
   function law({ deflection, elevation }) {
     const [phi] = radians([elevation]), delta = deflection * rows(phi)[0].up;
     const f = delta - Math.floor(delta);
@@ -231,7 +220,8 @@ function buildPoint({ a, b, state, set, request, random }) {
   ];
 
   const height = 300, unit = height / 12;
-  follow(a, ([, y0]) => {
+  followDrag(a.canvas, ([, y0], event) => {
+    event.preventDefault();
     const from = state.deflection, twentieth = (mm) => Math.round(mm * 20) / 20;
     return ([, y]) => set({ deflection: clamp(twentieth(from + (y0 - y) / unit), [0, MOST]) });
   });
@@ -292,8 +282,7 @@ function buildPoint({ a, b, state, set, request, random }) {
   return { buttons, draw, reset() { errors = []; }, model: { law, errors: () => errors } };
 }
 
-// --- many cameras and a beam: errors of its markers, drawn and by the law, and what one more camera
-// is worth
+// --- many cameras and a beam: errors of its markers, drawn and by the law, by number of cameras
 function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidth }) {
   const SIZE = [320, 180], MOST = 24, DRAWS = 400; // px, cameras, draws
   const places = markers(structure)[0].map((x) => 1000 * x), focal = (24 / sensorWidth) * SIZE[0];
@@ -363,8 +352,8 @@ function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidt
   return { buttons, draw, reset() { scene = null; }, model: { scene: () => scene } };
 }
 
-// Name in the address, label, letters of the panels, what builds it, and its sliders: words, key of
-// the state and of the address, usual value, range, step, digits, unit.
+// Name in the address, label, letters of the panels, function that builds it, and its sliders:
+// words, key of the state and of the address, usual value, range, step, digits, unit.
 const EXPERIMENTS = {
   rounding_marker: ["marker", "One marker on one pixel grid", [..."abc"], buildMarker,
     ["Motion δ", "motion", 1.3, [0, 3], 0.01, 2, " px"],

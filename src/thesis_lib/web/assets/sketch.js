@@ -28,7 +28,8 @@ export function createSketch(panel, study) { // returns what draws it
   }
 
   function draw() {
-    const { width, data } = study, height = heightOf(width);
+    const { width, data } = study, height = heightOf(width), { label } = data.parameter;
+    entitle(panel, study, "img", "Cameras; varied: ", label, "Arrow keys rotate.");
     const { kind, length_mm: length } = data.structure, every = study.settings();
     const shown = every.map((_, i) => i).filter((i) => study.stateOf(i) === "on");
     const distances = new Set(every.flatMap((one) => one.cameras.map((camera) => camera[0])));
@@ -55,9 +56,8 @@ export function createSketch(panel, study) { // returns what draws it
       scene.push(line("tl-plane", rectangle, "Z"), text(x, y - 4, name, "tl-muted"));
     }
 
-    // Cameras: pyramids with the tip at the centre of projection and the base towards the origin.
-    // One that several highlighted settings share is drawn in the first one's colour; larger for
-    // the next, if they are but few.
+    // Cameras: pyramids with the tip at the centre of projection. One that several highlighted
+    // settings share has the first one's colour, and grows for the next ones if these are few.
     const seen = new Map(), pyramids = [];
     const layouts = new Set(shown.map((i) => String(every[i].cameras)));
     const nested = shown.length < 3 || layouts.size === 1;
@@ -107,12 +107,5 @@ export function createSketch(panel, study) { // returns what draws it
 
   turnable(panel.canvas, view, 0, draw);
   panel.foot.append("Drag, or focus and press the arrow keys, to rotate.");
-  return {
-    draw,
-    move(phase) { fill(shape, { d: bent(bending, Math.cos(phase)) }); },
-    label() {
-      entitle(panel, study, "img", "Cameras; varied: ", study.data.parameter.label,
-        "Arrow keys rotate.");
-    },
-  };
+  return { draw, move(phase) { fill(shape, { d: bent(bending, Math.cos(phase)) }); } };
 }

@@ -1,5 +1,4 @@
-// Panels of a sound field: the ideal pressure on each plane, and the errors of the best and the
-// worst setting, at any instant of the period.
+// Panels of a sound field: ideal pressure and errors of the best and the worst setting.
 import { amplitude, createPressure, decode, playFields } from "./field.js";
 import { colourBar, mapWidth } from "./maps.js";
 import { KINDS, entitle, figure, html, isNumber } from "./parts.js";
@@ -47,5 +46,5 @@ KINDS.sound = (study, uid) => {
     b.canvas.replaceChildren(...study.data.planes.map(drawPlane));
     motion.redraw();
   }
-  return { figures: [b.node], draw, highlight() {}, stop: motion.stop };
+  return { figures: [b.node], draw, stop: motion.stop };
 };

@@ -1,5 +1,4 @@
-// Space as every sketch shows it: vectors, what stands around a structure, cameras as pyramids,
-// turning by pointer and arrow keys, and what bends.
+// Space in every sketch: vectors, surroundings of a structure, cameras, turning, bending.
 import { ARROWS, clamp, fill, followDrag, lines, path, text } from "./parts.js";
 import { towards } from "./pinhole.js";
 
@@ -15,8 +14,7 @@ export const trace = (point, steps = 72) =>
   Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
 export const SQUARE = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
 
-// How a view shows space: the direction to the viewer and those of the screen, where a place is on
-// the screen, and lines through places.
+// Directions to the viewer and of the screen, places on the screen, and lines through places.
 export function orbit(view, unit, [x, y]) {
   const viewer = towards([view.azimuth, view.elevation]), right = sideways(view.azimuth);
   const up = cross(viewer, right), flat = (v) => [x + unit * dot(v, right), y - unit * dot(v, up)];

@@ -1,6 +1,5 @@
-// Viewer of one parametric study: linked panels (a) cameras, (b) and (c) what was measured,
-// (d) mean errors. Front end of thesis_lib.web.viewer.Viewer in the form anywidget expects;
-// static_html runs it without a kernel.
+// Viewer of one parametric study: linked panels (a) cameras, (b) and (c) measurements, (d) mean
+// errors. Front end of thesis_lib.web.viewer.Viewer, as anywidget or static_html runs it.
 import { createBars } from "./bars.js";
 import { createImage, createMotion } from "./motion.js";
 import {
@@ -17,7 +16,6 @@ import "./sound.js";
 function createStudy(model) {
   const study = {
     data: model.get("data"), compare: "extremes", hovered: null, focused: null, pinned: null,
-    width: 480, full: 480, ofBars: 480, wide: false, // px: a column, the whole viewer, panel (d)
 
     case: () => study.data.cases.find((one) => one.name === model.get("case")) ?? study.data.cases[0],
     modeIndex: () => Math.max(0, study.data.modes.findIndex((one) => one.mode === model.get("mode"))),
@@ -27,8 +25,7 @@ function createStudy(model) {
     tint: (i) => `--c:${study.data.colors[i % study.data.colors.length]}`,
     active: () => study.hovered ?? study.focused ?? study.pinned,
 
-    // The errors of a setting: one, or one per plane of the sound; without a mean where the plane is
-    // nodal.
+    // Errors of a setting: one, or one per plane of the sound, without a mean if that is nodal.
     errors(i) {
       const result = study.results()[i];
       return study.data.planes?.map(({ name }) => ({ name, ...result.planes[name] })) ?? [result];
@@ -113,7 +110,7 @@ function render({ model, el }) {
   const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight, remember);
   const image = createImage(), motion = createMotion([sketch.move, image.show]);
   const link = onPage && !model.get("form") ? linkButton(remember) : []; // else the form has it
-  let panels = null, imaged = ""; // panels of the kind of structure; what the image shows
+  let panels = null; // of the kind of structure
 
   // --- controls
   const choose = (name) => (value) => { model.set(name, value); model.save_changes(); remember(); };
@@ -153,7 +150,7 @@ function render({ model, el }) {
 
   // --- updating
   function highlight() { // the bars keep their elements: a redraw would move the focus
-    panels.highlight();
+    panels.highlight?.();
     for (const node of root.querySelectorAll("[data-setting]")) {
       const i = Number(node.dataset.setting);
       const tabindex = i === (study.focused ?? study.pinned ?? 0) ? 0 : -1;
@@ -170,9 +167,7 @@ function render({ model, el }) {
   function film() { // what the cameras of a setting see: the highlighted one, or the best
     const { lens } = study.data;
     const i = study.active() ?? Math.max(0, study.extremes()[0]);
-    const now = [study.case().name, study.mode().mode, i].join();
-    if (!lens || now === imaged) return;
-    imaged = now;
+    if (!lens) return;
     const { cameras, resolution } = study.settings()[i];
     const focal = (lens.focal_length_mm * resolution[0]) / lens.sensor_width_mm;
     const P = Float64Array.from(cameras.flatMap(([distance, ...angles]) =>
@@ -189,9 +184,7 @@ function render({ model, el }) {
     controls.querySelector(`[data-testid=mode-${mode}]`).checked = true;
     title.replaceChildren(html("strong", {}, one.title),
       html("span", {}, number ? ` · figure ${number} of the thesis` : ""));
-    sketch.label();
     motion.at(study.mode().frequency_hz);
-    bars.label();
     panels.draw();
     bars.draw();
     highlight();
@@ -199,7 +192,6 @@ function render({ model, el }) {
   function changeCase(pinned = null) {
     study.hovered = study.focused = null;
     study.pinned = pinned;
-    imaged = "";
     const curves = study.data.structure.kind === "beam"; // a curve has a line through its marks
     const reference = html("li", {}, icon(26, path("tl-reference", "M2 7H24")),
       html("span", {}, "reference"));
@@ -213,9 +205,8 @@ function render({ model, el }) {
     "modes", "mode", "cases", "name", "title", "settings", "label"]);
   function changeData() {
     const before = study.data, data = study.data = model.get("data") ?? {};
-    imaged = "";
     if (panels && outline(before) === outline(data)) return update(); // other numbers alone
-    panels?.stop();
+    panels?.stop?.();
     panels = null;
     const kind = data.structure?.kind, known = data.cases?.length && KINDS[kind];
     const all = known ? [controls, title, key, summary, grid] : ["No results to show."];
@@ -230,10 +221,10 @@ function render({ model, el }) {
     fit();
     changeCase(pinned);
   }
-  function fit() {
+  function fit() { // px of a column, of the whole viewer, of panel (d)
     const before = study.width;
     study.wide = root.classList.toggle("tl-wide", root.clientWidth >= 660);
-    study.width = Math.round(a.node.clientWidth) || 480;
+    study.width = a.node.clientWidth || 480;
     study.full = grid.clientWidth || 480;
     study.ofBars = study.wide && study.data.lens ? study.full : study.width;
     return study.width !== before;
@@ -249,7 +240,7 @@ function render({ model, el }) {
   const unfollow = followWidth(root, () => { if (root.contains(grid) && fit()) update(); });
   return () => {
     unfollow();
-    panels?.stop();
+    panels?.stop?.();
     motion.stop();
     handlers.forEach((one) => model.off(...one));
   };
