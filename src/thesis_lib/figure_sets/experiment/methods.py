@@ -40,7 +40,7 @@ def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     used = corners[..., rig.central_corners(board)]
     small = Board(7, 9, board.tile, board.margin)
     cameras = [
-        rig.calibrate_camera(list(own), small, camera.size, camera.name).camera()
+        rig.calibrate_camera(list(own), small, camera.size, camera.name).lens
         for own, camera in zip(used, manifest.cameras, strict=True)
     ]
     return adjust_bundle(used, small.corners, cameras, lenses=False)
