@@ -272,7 +272,7 @@ def measure_deflection(
     """
     P, omega = tracks.P, instant.omega
     if method == "harmonic":
-        shape = rc.real_shape(fits.deflection_amplitude(tracks, omega, exposures), instant.phase)
+        shape = fits.real_shape(fits.deflection_amplitude(tracks, omega, exposures), instant.phase)
         return shape, fits.amplitude_std(tracks, omega, exposures)
     if method in ("matched", "literal"):  # they take frames as they are
         uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
