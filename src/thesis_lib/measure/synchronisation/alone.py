@@ -24,10 +24,8 @@ MIN_AGREED_SHARE = 0.9  # share of the windows below which it is said that they 
 def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     """Return starts and clocks of all videos but the first, relative to it, and the names of all.
 
-    Raises
-    ------
-    MediaError, SynchronisationError
-        If a file has no whole sound, or its sound is unlike the first one's.
+    A :class:`MediaError` or :class:`SynchronisationError` is raised if a file has no whole sound,
+    or its sound is unlike the first one's.
     """
     names = [video.stem for video in videos]
     if len(set(names)) < len(names):
@@ -35,20 +33,6 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     recordings = [AudioSource(*one) for one in zip(names, videos, strict=True)]
     load_audio(recordings, None, 0.0)  # it refuses
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
-
-
-def _describe_starts(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> list[str]:
-    """Report the table in sentences, uncertainties with two digits."""
-    return render_lines(
-        "measure/synchronisation/templates/videos.txt.j2",
-        first=names[0],
-        starts=[*zip(names[1:], drifts, strict=True)],
-        frame_rate=None if np.isnan(frame_rate) else frame_rate,
-        is_unknown=np.isnan,
-        round_to=_round_to,
-        format_std=_format_std,
-        least_agreement=MIN_AGREED_SHARE,
-    )
 
 
 def _round_to(value: float, std: float, sign: str = "+") -> str:
@@ -64,13 +48,7 @@ def _format_std(std: float) -> str:
 
 
 def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
-    """Synchronise videos, and write ``sync.csv`` and ``sync.png`` into a folder.
-
-    Returns
-    -------
-    list of str
-        What was found.
-    """
+    """Synchronise videos, write ``sync.csv`` and ``sync.png``, and return what was found."""
     check_outputs(out, [out / "sync.csv", out / "sync.png"])
     drifts, names = synchronise_videos(videos)
     rates = (probe_media(video).frame_rate for video in videos if start_of_film(video) is not None)
@@ -92,7 +70,16 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         write_csv(table, part / "sync.csv", "%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
-    found = _describe_starts(drifts, names, frame_rate)
+    found = render_lines(  # the table in sentences, uncertainties with two digits
+        "measure/synchronisation/templates/videos.txt.j2",
+        first=names[0],
+        starts=[*zip(names[1:], drifts, strict=True)],
+        frame_rate=None if np.isnan(frame_rate) else frame_rate,
+        is_unknown=np.isnan,
+        round_to=_round_to,
+        format_std=_format_std,
+        least_agreement=MIN_AGREED_SHARE,
+    )
     for video, name in zip(videos, names, strict=True):
         with open_audio(video) as audio:
             if audio.source:  # not all channels, or not at the stated pace

@@ -19,6 +19,7 @@ import scipy
 from thesis_lib.arrays import Array, ArrayLike, IntArray, Signal
 from thesis_lib.measure.synchronisation import tones
 from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
+from thesis_lib.measure.synchronisation.tones import Interval
 
 NORMALISED_LAGS = 1 << 18  # that are normalised at once
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
@@ -196,11 +197,7 @@ def _compare_signals(
 
 
 def phase_delays(
-    signals: Sequence[Signal],
-    rate: float,
-    frequency: float,
-    guess: Array,
-    steady: tuple[float, float] | None = None,
+    signals: Sequence[Signal], rate: float, frequency: float, guess: Array, steady: Interval | None
 ) -> Array:
     """Return delays from a sine's phase, each nearest to a guess, shape (recordings,), s.
 
@@ -210,12 +207,8 @@ def phase_delays(
 
     The signals (samples,) have some tens of samples per period, rate and frequency are in Hz, and
     the guess (recordings,) in s is right to within half a period. `steady`, in s after the
-    reference's first sample, is used instead of its settled part.
-
-    Raises
-    ------
-    SynchronisationError
-        If the recordings have less than one period of the steady tone in common.
+    reference's first sample, is used instead of its settled part. A :class:`SynchronisationError`
+    is raised if the recordings have less than one period of the steady tone in common.
     """
     near = guess - guess[0]
     start, end = steady or tones.settle_interval(signals[0], rate, frequency)
