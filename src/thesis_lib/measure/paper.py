@@ -94,13 +94,7 @@ DICTIONARY_MARKS = 1000  # that the dictionary has
 
 
 def write_board(
-    path: Path,
-    columns: int = 7,
-    rows: int = 5,
-    tile_mm: float = 25.0,
-    paper: str = "A4",
-    charuco: bool = False,
-    two_sided: bool = False,
+    path: Path, columns: int, rows: int, tile_mm: float, paper: str, charuco: bool, two_sided: bool
 ) -> str:
     """Write a board as a PDF to true scale.
 
@@ -195,24 +189,20 @@ def _marks(columns: int, rows: int, tile: float) -> Array:
 
 def write_markers(
     path: Path,
-    columns: int = 10,
-    rows: int = 6,
-    spacing_mm: float = 25.0,
-    row_spacing_mm: float | None = None,
-    diameter_mm: float = 8.0,
-    paper: str = "A4",
-    bright: bool = False,
+    columns: int,
+    rows: int,
+    spacing_mm: float,
+    row_spacing_mm: float | None,
+    diameter_mm: float,
+    paper: str,
+    bright: bool,
 ) -> int:
     """Write a grid of markers as a PDF to true scale.
 
     Where the grid is larger than a page it goes on, on the next. Corner marks stand half a spacing
     beyond the outermost markers: cut there, and the pages join edge to edge. Rows are as far apart
     as columns if not given, and ``bright`` markers are white on black. Return the number of pages.
-
-    Raises
-    ------
-    PaperError
-        If markers overlap, or are further apart than a page is long.
+    A :class:`PaperError` is raised if markers overlap, or are further apart than a page is long.
     """
     across = row_spacing_mm or spacing_mm
     least = min(spacing_mm if columns > 1 else np.inf, across if rows > 1 else np.inf)
@@ -266,13 +256,11 @@ PLACE_FIELDS = ("azimuth_deg", "elevation_deg", "distance_mm")
 CENTRED_TEXT: dict[str, Any] = {"ha": "center", "va": "center"}
 
 
-def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -> None:
+def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
     """Write a protractor with a ray to each camera, and how far and how high it stands.
 
-    Raises
-    ------
-    PaperError
-        If a camera has no ``azimuth_deg``, ``elevation_deg`` or ``distance_mm``.
+    A :class:`PaperError` is raised if a camera has no ``azimuth_deg``, ``elevation_deg`` or
+    ``distance_mm``.
     """
     places = [[getattr(camera, name) for name in PLACE_FIELDS] for camera in cameras]
     for camera, place in zip(cameras, places, strict=True):

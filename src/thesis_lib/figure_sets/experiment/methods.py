@@ -87,8 +87,7 @@ def check_grid(data: xr.Dataset, markers: Markers) -> None:
     """Refuse cameras whose views of the resting markers do not fit the nominal grid."""
     tracks = data["tracks"].sel(width=data["width"].max()).values
     still = np.arange(tracks.shape[1]) < float(data["rest"]) * data["frame_rate"].values[:, None]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
     cameras = read_cameras(data, "full", int(data["width"].max()))
     rest = np.array([pinhole.undistort_pixels(c, own) for c, own in zip(cameras, raw, strict=True)])

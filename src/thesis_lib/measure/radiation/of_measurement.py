@@ -31,12 +31,8 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     From what :func:`thesis_lib.measure.fitting.result.shape_result` returns, or
     :func:`thesis_lib.measure.modes.identify.modes_result`, with the calibration's covariance if
     that is known. The result is that of :func:`.radiate_sound`, in a rigid wall, and of
-    :func:`.estimate_change` without one; its attributes tell what was assumed.
-
-    Raises
-    ------
-    ChainError
-        If too few markers were measured, or the structure is not flat.
+    :func:`.estimate_change` without one; its attributes tell what was assumed. A
+    :class:`ChainError` is raised if too few markers were measured, or the structure is not flat.
     """
     asked, structure = manifest.radiation, manifest.structure
     assert asked is not None
@@ -89,7 +85,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         "highest": float(fastest / (2 * np.pi)),
         "outline": np.ravel(1000 * corners),
         "wall": asked.wall,
-        "held": len(asked.held_edges(structure.kind, len(corners))),
+        "held": len(asked.held_edges(structure.kind)),
         "speed_of_sound": asked.speed_of_sound_m_s,
         "air_density": asked.air_density_kg_m3,
     }
@@ -168,7 +164,7 @@ def _choose_motion(
         if asked.between == "model" or np.all(left[:, 0] <= MAX_MODEL_CHI * left[:, 1]):
             return found
     step = radiated.largest_gap(markers)
-    held = radiated.edge_places(corners, asked.held_edges(structure.kind, len(corners)), step)
+    held = radiated.edge_places(corners, asked.held_edges(structure.kind), step)
     return radiated.by_spline(markers, held, places)
 
 

@@ -106,12 +106,8 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
 
     Of several tracks the first that holds sound is used, or the loudest, if that is 20 dB louder;
     of its channels those that hold sound are mixed, unless they cancel. Or one ``channel`` is used,
-    the first is 1; all tracks' channels are counted through.
-
-    Raises
-    ------
-    MediaError
-        If the file has no audio track, or no such channel, or if its sound is damaged or has a gap.
+    the first is 1; all tracks' channels are counted through. A :class:`MediaError` is raised if the
+    file has no audio track, or no such channel, or if its sound is damaged or has a gap.
     """
     with open_media(path) as file:
         if not file.streams.audio:
@@ -258,7 +254,7 @@ def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
         return 0, len(times), float(np.nan_to_num(times[0])), 1.0
     off = times - samples[:-1]
     first, last = 0, len(times)
-    for k in _jumps(samples[:-1], off):
+    for k in _jumps(off):
         if samples[k] < PRIMING_S:
             first = k
         elif samples[-1] - samples[k] < PRIMING_S:
@@ -278,7 +274,7 @@ def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
     return first, last, float(times[first] + np.median(y - y[0] - slope * x)), 1 + slope
 
 
-def _jumps(samples: Array, off: Array) -> list[int]:
+def _jumps(off: Array) -> list[int]:
     """Find the frames at which time stamps jump against the samples for good."""
     if len(off) < 2:
         return []

@@ -42,10 +42,8 @@ cached_rule = cache(np.polynomial.legendre.leggauss)
 def sharpen_view(image: Image, view: View) -> View:
     """Return the view with the homography of all markers at rest, and the blur that fits them best.
 
-    Raises
-    ------
-    TrackingError
-        If fewer than half of the markers are found, or they do not fit their grid.
+    A :class:`TrackingError` is raised if fewer than half of the markers are found, or they do not
+    fit their grid.
     """
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
