@@ -202,7 +202,11 @@ def write_markers(
     Where the grid is larger than a page it goes on, on the next. Corner marks stand half a spacing
     beyond the outermost markers: cut there, and the pages join edge to edge. Rows are as far apart
     as columns if not given, and ``bright`` markers are white on black. Return the number of pages.
-    A :class:`PaperError` is raised if markers overlap, or are further apart than a page is long.
+
+    Raises
+    ------
+    PaperError
+        If markers overlap, or are further apart than a page is long.
     """
     across = row_spacing_mm or spacing_mm
     least = min(spacing_mm if columns > 1 else np.inf, across if rows > 1 else np.inf)
@@ -259,8 +263,10 @@ CENTRED_TEXT: dict[str, Any] = {"ha": "center", "va": "center"}
 def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
     """Write a protractor with a ray to each camera, and how far and how high it stands.
 
-    A :class:`PaperError` is raised if a camera has no ``azimuth_deg``, ``elevation_deg`` or
-    ``distance_mm``.
+    Raises
+    ------
+    PaperError
+        If a camera has no ``azimuth_deg``, ``elevation_deg`` or ``distance_mm``.
     """
     places = [[getattr(camera, name) for name in PLACE_FIELDS] for camera in cameras]
     for camera, place in zip(cameras, places, strict=True):

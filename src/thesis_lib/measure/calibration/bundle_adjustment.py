@@ -59,8 +59,10 @@ def without_boards(cameras: Sequence[Camera]) -> Network:
 def start_network(observations: Array, points: Array, cameras: Sequence[Camera]) -> Network:
     """Return the poses chained from image to image, the world being the first shot's board.
 
-    A :class:`CalibrationError` is raised if a camera has no shot, a shot no camera, or they are not
-    all connected.
+    Raises
+    ------
+    CalibrationError
+        If a camera has no shot, a shot no camera, or they are not all connected.
     """
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     for camera, views in zip(cameras, seen, strict=True):

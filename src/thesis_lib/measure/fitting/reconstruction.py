@@ -60,7 +60,10 @@ class Frame:
 def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
     """Return rigid fit of measured markers (3, n) to their nominal grid (3, n), by Kabsch's method.
 
-    A :class:`ValueError` is raised if fewer than three markers are known.
+    Raises
+    ------
+    ValueError
+        If fewer than three markers are known.
     """
     points, nominal = np.asarray(points, float), np.asarray(nominal, float)
     known = np.isfinite(points).all(axis=0)

@@ -31,8 +31,12 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     From what :func:`thesis_lib.measure.fitting.result.shape_result` returns, or
     :func:`thesis_lib.measure.modes.identify.modes_result`, with the calibration's covariance if
     that is known. The result is that of :func:`.radiate_sound`, in a rigid wall, and of
-    :func:`.estimate_change` without one; its attributes tell what was assumed. A
-    :class:`ChainError` is raised if too few markers were measured, or the structure is not flat.
+    :func:`.estimate_change` without one; its attributes tell what was assumed.
+
+    Raises
+    ------
+    ChainError
+        If too few markers were measured, or the structure is not flat.
     """
     asked, structure = manifest.radiation, manifest.structure
     assert asked is not None

@@ -106,8 +106,12 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
 
     Of several tracks the first that holds sound is used, or the loudest, if that is 20 dB louder;
     of its channels those that hold sound are mixed, unless they cancel. Or one ``channel`` is used,
-    the first is 1; all tracks' channels are counted through. A :class:`MediaError` is raised if the
-    file has no audio track, or no such channel, or if its sound is damaged or has a gap.
+    the first is 1; all tracks' channels are counted through.
+
+    Raises
+    ------
+    MediaError
+        If the file has no audio track, or no such channel, or if its sound is damaged or has a gap.
     """
     with open_media(path) as file:
         if not file.streams.audio:

@@ -102,7 +102,10 @@ QUOTED_FORM = _Form(",", ",")  # whose cells are in quotes
 def read_force_table(path: Path) -> tuple[Array, Array, str]:
     """Read times in s, forces in N, and which columns in which units they are.
 
-    A :class:`ForceError` is raised if the table cannot be read, or can be read in two ways.
+    Raises
+    ------
+    ForceError
+        If the table cannot be read, or can be read in two ways.
     """
     if path.stat().st_size > MAX_BYTES:
         raise ForceError(f"{path}: {path.stat().st_size} bytes, allowed: {MAX_BYTES} for a table")

@@ -24,8 +24,10 @@ MIN_AGREED_SHARE = 0.9  # share of the windows below which it is said that they 
 def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     """Return starts and clocks of all videos but the first, relative to it, and the names of all.
 
-    A :class:`MediaError` or :class:`SynchronisationError` is raised if a file has no whole sound,
-    or its sound is unlike the first one's.
+    Raises
+    ------
+    MediaError, SynchronisationError
+        If a file has no whole sound, or its sound is unlike the first one's.
     """
     names = [video.stem for video in videos]
     if len(set(names)) < len(names):
@@ -48,7 +50,13 @@ def _format_std(std: float) -> str:
 
 
 def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
-    """Synchronise videos, write ``sync.csv`` and ``sync.png``, and return what was found."""
+    """Synchronise videos, and write ``sync.csv`` and ``sync.png`` into a folder.
+
+    Returns
+    -------
+    list of str
+        What was found.
+    """
     check_outputs(out, [out / "sync.csv", out / "sync.png"])
     drifts, names = synchronise_videos(videos)
     rates = (probe_media(video).frame_rate for video in videos if start_of_film(video) is not None)

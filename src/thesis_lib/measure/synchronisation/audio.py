@@ -44,7 +44,13 @@ class AudioSource:
 
 
 def check_sound(sound: AudioTrack, shortest: float, name: str) -> None:
-    """Refuse a sound that is shorter than a length in s, silent or clipped, by its name."""
+    """Refuse a sound that is shorter than a length in s, silent or clipped, by its name.
+
+    Raises
+    ------
+    SynchronisationError
+        In one line.
+    """
     if not sound.samples or sound.samples < shortest * sound.rate:
         raise SynchronisationError(
             f"{name}: {sound.samples / sound.rate:.3f} s of audio, allowed: at least "

@@ -207,8 +207,12 @@ def phase_delays(
 
     The signals (samples,) have some tens of samples per period, rate and frequency are in Hz, and
     the guess (recordings,) in s is right to within half a period. `steady`, in s after the
-    reference's first sample, is used instead of its settled part. A :class:`SynchronisationError`
-    is raised if the recordings have less than one period of the steady tone in common.
+    reference's first sample, is used instead of its settled part.
+
+    Raises
+    ------
+    SynchronisationError
+        If the recordings have less than one period of the steady tone in common.
     """
     near = guess - guess[0]
     start, end = steady or tones.settle_interval(signals[0], rate, frequency)

@@ -66,8 +66,12 @@ def load_audio(
     """Read and check all tracks, and hold a tone of theirs.
 
     Its frequency is in Hz, or None if there is none to hold, as in a room. It is held from `skip` s
-    on if it cannot be held from the start. A :class:`MediaError` or :class:`SynchronisationError`
-    is raised if a track is missing, too short, silent or clipped.
+    on if it cannot be held from the start.
+
+    Raises
+    ------
+    MediaError, SynchronisationError
+        If a track is missing, too short, silent or clipped.
     """
     shortest = 4 * BUTTON_SOUND_S if frequency is None else 2.5 / frequency
     wanted = tones.TONE_RATE * (frequency or 0.0)
@@ -196,8 +200,12 @@ def synchronise_cameras(
 
     The frequency of the force's tone is in Hz, or None for what microphones hear in a room. The
     tone is steady from `steady[0]` to `steady[1]` s after the first sample of the first one that is
-    held, or else where it has settled. A :class:`MediaError` or :class:`SynchronisationError` names
-    the recording and what is wrong with it.
+    held, or else where it has settled.
+
+    Raises
+    ------
+    MediaError, SynchronisationError
+        In one line: the recording and what is wrong with it.
     """
     matches = match_recordings(recordings, frequency)
     drifts = {} if frequency is not None else _find_drifts(recordings, heard, matches)

@@ -151,8 +151,12 @@ def check_tone(
     """Refuse a recording that holds no steady tone of that frequency, or too little of it.
 
     It has some tens of samples per period. The tone is sought where it has settled, or from
-    `steady[0]` to `steady[1]` s after the first sample. A :class:`SynchronisationError` names
-    the recording.
+    `steady[0]` to `steady[1]` s after the first sample.
+
+    Raises
+    ------
+    SynchronisationError
+        With the recording's name.
     """
     start, end = settle_interval(x, rate, frequency)
     if steady is not None:
@@ -186,8 +190,12 @@ def find_tone(
 
     That of the highest line of the spectrum, up to an eighth of the rate; its frequency is that
     which explains most of the part in which the tone has settled, or of that from `steady[0]` to
-    `steady[1]` s after the first sample. A :class:`SynchronisationError` is raised if there is no
-    such tone, or it explains too little of the sound.
+    `steady[1]` s after the first sample.
+
+    Raises
+    ------
+    SynchronisationError
+        If there is no such tone, or it explains too little of the sound.
     """
     if steady is not None:
         x = x[max(round(steady[0] * rate), 0) : max(round(steady[1] * rate), 0)]

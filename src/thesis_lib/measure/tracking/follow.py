@@ -192,9 +192,12 @@ def trackers_of(
     are reduced: at each the markers are looked for again, but the corners are those of the full
     frames. Without any a :class:`Follower` follows them in the full frames.
 
-    Notes tell at which width the markers are not found as they should be, and why. A
-    :class:`TrackingError` is raised if the structure or its markers are not found in the full
-    frame.
+    Notes tell at which width the markers are not found as they should be, and why.
+
+    Raises
+    ------
+    TrackingError
+        If the structure or its markers are not found in the full frame.
     """
     view, notes = first_view(image, camera, markers, corners_px), []
     if not shares:
@@ -238,8 +241,12 @@ def first_view(
 ) -> homography.View:
     """Estimate the camera's view of the structure in its first frame, from corners and markers.
 
-    Corners that are not given are looked for in the frame as it is, then with even light. A
-    :class:`TrackingError` is raised if either are not found.
+    Corners that are not given are looked for in the frame as it is, then with even light.
+
+    Raises
+    ------
+    TrackingError
+        If either are not found.
     """
     if corners_px is not None:
         corners = undistort_pixels(camera, np.array(corners_px, float).T)

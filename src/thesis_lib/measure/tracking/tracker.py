@@ -42,8 +42,10 @@ cached_rule = cache(np.polynomial.legendre.leggauss)
 def sharpen_view(image: Image, view: View) -> View:
     """Return the view with the homography of all markers at rest, and the blur that fits them best.
 
-    A :class:`TrackingError` is raised if fewer than half of the markers are found, or they do not
-    fit their grid.
+    Raises
+    ------
+    TrackingError
+        If fewer than half of the markers are found, or they do not fit their grid.
     """
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
