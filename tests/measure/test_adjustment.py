@@ -81,7 +81,7 @@ def test_a_thick_board_of_two_sides_puts_cameras_where_they_are(conforms):
     off = []
     for board in (thick, BOARD):
         result = bundle.adjust_bundle(
-            unified, board.corners_in_images(unified), [s.camera() for s in single]
+            unified, board.corners_in_images(unified), [s.lens for s in single]
         )
         off.append(np.linalg.norm(bundle.align_cameras(result.cameras, rig())[1], axis=1).max())
     conforms.closed_form(off[0], below=1e-6)
@@ -101,7 +101,7 @@ def test_each_picture_may_show_other_corners(conforms):
     conforms.sampled(np.abs(turns / deviations[1]).max(), below=4.5)
     shots = [list(row) for row in cut]
     single = [calibrate_camera(row, BOARD, SIZE) for row in shots]
-    pulls = [(one.K - c.K)[[0, 1, 0, 1], [0, 1, 2, 2]] / one.deviations
+    pulls = [(one.lens.K - c.K)[[0, 1, 0, 1], [0, 1, 2, 2]] / one.deviations
              for one, c in zip(single, rig(), strict=True)]  # fmt: skip
     conforms.sampled(np.abs(pulls).max(), below=4.5)
 

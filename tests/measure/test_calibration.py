@@ -36,12 +36,12 @@ def test_zhang_recovers_each_camera_within_its_deviations(conforms):
     for seed in range(3):
         found = calibrated(as_found(observations(SIGMA, seed), seed=seed))
         for camera, result in zip(rig(), found, strict=True):
-            error = (result.K - camera.K)[[0, 1, 0, 1], [0, 1, 2, 2]]
+            error = (result.lens.K - camera.K)[[0, 1, 0, 1], [0, 1, 2, 2]]
             conforms.sampled(np.abs(error[:2]).max(), below=0.002 * camera.K[0, 0])
             conforms.sampled(np.abs(error / result.deviations).max(), below=4)
-            conforms.sampled(result.distortion, camera.distortion, atol=3e-3)
+            conforms.sampled(result.lens.distortion, camera.distortion, atol=3e-3)
             conforms.sampled(result.rms, SIGMA, rtol=0.1)
-            assert result.distortion[4] == 0
+            assert result.lens.distortion[4] == 0
 
 
 def test_board_poses_are_those_of_the_camera(conforms):

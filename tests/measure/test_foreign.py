@@ -68,7 +68,7 @@ def pair():
         for row, side in zip(shots, ("left", "right"), strict=True)
     ]
     corners, _ = unify_corners(single, shots, TILES)
-    full = adjust_bundle(corners, TILES.corners, [one.camera() for one in single])
+    full = adjust_bundle(corners, TILES.corners, [one.lens for one in single])
     opencv = []
     for row in pictures:
         found = [cv2.findChessboardCorners(picture, TILES.shape)[1] for picture in row]
@@ -134,7 +134,7 @@ def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(conf
 @pytest.mark.parametrize("sides", [[0], [0, 1]])
 def test_stated_deviations_are_those_of_refits_without_each_photograph(conforms, pair, sides):
     corners = pair.corners[sides]
-    full = adjust_bundle(corners, TILES.corners, [pair.single[k].camera() for k in sides])
+    full = adjust_bundle(corners, TILES.corners, [pair.single[k].lens for k in sides])
     known = refitted(corners, TILES.corners, full)
     stated = of_covariance(jackknife_cameras(corners, TILES.corners, full))
     conforms.independent(stated / known, 1, atol=0.05)  # 0.977 to 1.021
@@ -147,7 +147,7 @@ def test_stated_deviations_are_those_of_refits_without_each_photograph(conforms,
 def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair):
     """Of calibrations that share no photograph."""
     draw, pulls = np.random.default_rng(0), []
-    cameras = [one.camera() for one in pair.single]
+    cameras = [one.lens for one in pair.single]
     for _ in range(60):
         mixed = draw.permutation(len(photographs.SHOTS))
         halves = [pair.corners[:, mixed[:6]], pair.corners[:, mixed[6:12]]]

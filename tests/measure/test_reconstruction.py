@@ -8,7 +8,7 @@ from scenes.convergence import orders
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting import reconstruction as rc
-from thesis_lib.measure.fitting.harmonics import fit_harmonics
+from thesis_lib.measure.fitting.harmonics import fit_harmonics, real_shape
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate
@@ -172,14 +172,14 @@ def test_the_shape_has_the_sign_that_the_expected_phase_tells(conforms, phase):
     shape = np.array([0.1, 0.5, np.nan, -0.7, 2.0])
     amplitude = shape * np.exp(1j * phase)
     for error in (-1.4, 0.0, 1.4):  # any below a quarter turn
-        found = rc.real_shape(amplitude, phase + error)
+        found = real_shape(amplitude, phase + error)
         np.testing.assert_allclose(found, shape, atol=1e-12)
-    np.testing.assert_allclose(rc.real_shape(amplitude, phase + np.pi), -shape, atol=1e-12)
+    np.testing.assert_allclose(real_shape(amplitude, phase + np.pi), -shape, atol=1e-12)
     rng = np.random.default_rng(0)
     mixed = rng.normal(size=9) + 1j * rng.normal(size=9)
     turns = np.exp(-1j * np.linspace(0, np.pi, 2001))
     most = np.max(np.sum(np.real(np.outer(turns, mixed)) ** 2, axis=1))
-    conforms.independent(np.sum(rc.real_shape(mixed, 0.0) ** 2), most, rtol=1e-5)
+    conforms.independent(np.sum(real_shape(mixed, 0.0) ** 2), most, rtol=1e-5)
 
 
 # One instant.

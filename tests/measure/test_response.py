@@ -50,7 +50,7 @@ class Scene:
         return self.manifest.model_copy(update=changed)
 
     def responded(self, manifest):
-        return result.estimate_response(manifest, SILENT, self.recordings, self.folder)
+        return result.estimate_response(manifest, self.recordings, self.folder)
 
 
 def scene(folder, newtons, damping, seconds, noise=0.02, rates=RATES, place=PLACE):

@@ -36,7 +36,7 @@ class HeldSound(AudioSource):
         return nullcontext(track)
 
 
-def synchronise_sounds(signals, rate, frame_rate, frequency=None, starts=None):
+def synchronise_sounds(signals, rate, frequency=None, starts=None):
     """The starts of cameras from sounds in memory; a room's without a frequency."""
     starts = np.zeros(len(signals)) if starts is None else starts
     sources = [
@@ -44,7 +44,7 @@ def synchronise_sounds(signals, rate, frame_rate, frequency=None, starts=None):
         for k, (signal, start) in enumerate(zip(signals, starts, strict=True))
     ]
     heard = load_audio(sources, frequency, 0.0)
-    return synchronise_cameras(sources, heard, frame_rate, frequency)
+    return synchronise_cameras(sources, heard, frequency)
 
 
 def click(seconds, at, rate=48000):

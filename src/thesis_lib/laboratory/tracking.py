@@ -222,7 +222,7 @@ def calibrate_rig(rig: Rig) -> Adjustment:
         for row, camera in zip(found, rig.cameras, strict=True)
     ]
     observed, _ = unify_corners(single, found, rig.board)
-    return adjust_bundle(observed, rig.board.corners, [one.camera() for one in single])
+    return adjust_bundle(observed, rig.board.corners, [one.lens for one in single])
 
 
 def crop_sensors(rig: Rig, cameras: Sequence[pinhole.Camera]) -> tuple[Rig, list[pinhole.Camera]]:

@@ -94,13 +94,7 @@ DICTIONARY_MARKS = 1000  # that the dictionary has
 
 
 def write_board(
-    path: Path,
-    columns: int = 7,
-    rows: int = 5,
-    tile_mm: float = 25.0,
-    paper: str = "A4",
-    charuco: bool = False,
-    two_sided: bool = False,
+    path: Path, columns: int, rows: int, tile_mm: float, paper: str, charuco: bool, two_sided: bool
 ) -> str:
     """Write a board as a PDF to true scale.
 
@@ -195,13 +189,13 @@ def _marks(columns: int, rows: int, tile: float) -> Array:
 
 def write_markers(
     path: Path,
-    columns: int = 10,
-    rows: int = 6,
-    spacing_mm: float = 25.0,
-    row_spacing_mm: float | None = None,
-    diameter_mm: float = 8.0,
-    paper: str = "A4",
-    bright: bool = False,
+    columns: int,
+    rows: int,
+    spacing_mm: float,
+    row_spacing_mm: float | None,
+    diameter_mm: float,
+    paper: str,
+    bright: bool,
 ) -> int:
     """Write a grid of markers as a PDF to true scale.
 
@@ -266,7 +260,7 @@ PLACE_FIELDS = ("azimuth_deg", "elevation_deg", "distance_mm")
 CENTRED_TEXT: dict[str, Any] = {"ha": "center", "va": "center"}
 
 
-def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -> None:
+def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
     """Write a protractor with a ray to each camera, and how far and how high it stands.
 
     Raises

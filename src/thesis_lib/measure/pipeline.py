@@ -92,8 +92,7 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
     that the markers at rest, or the motion, do not suffice.
     """
     excitation, sound = manifest.excitation, of.sound
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         covariance = cameras.covariance_of(of.calibration)
         data = result.shape_result(manifest, sound, of.recordings, covariance)
         still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
@@ -175,8 +174,7 @@ def measure_recordings(path: Path, out: Path, say: Say = print) -> build.Report:
     for line in describe_assessment(assess_manifest(manifest)):
         say(line)
     inputs = record_tracks(manifest, folder, out / STEPS_FOLDER, say)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         if manifest.excitation.behaviour.result == "shape":
             return measure_shape(manifest, folder, inputs, out, say)
         return measure_motion(manifest, folder, inputs, out, say)
@@ -216,7 +214,7 @@ def measure_motion(
     if manifest.force is None:
         return measure_modes(manifest, inputs, out, say)
     say("motion over force")
-    found = estimate_response(manifest, inputs.sound, inputs.recordings, folder)
+    found = estimate_response(manifest, inputs.recordings, folder)
     data = schema.with_origin(found, _SOURCE_TEXT)
     data.attrs.update(
         title=f"Motion of a {manifest.structure.kind} over a force",

@@ -57,7 +57,7 @@ def calibrate_rig(
         values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
             "reprojection_rms": full.rms,
             "single_rms": [c.rms for c in single],
-            "single_focal": [c.K[[0, 1], [0, 1]] for c in single],
+            "single_focal": [c.lens.K[[0, 1], [0, 1]] for c in single],
             "adjusted_centre_deviation": _centre_deviations(full),
             "focal_deviation": jackknifed.deviations[:, 0],
             "centre_deviation": _centre_deviations(jackknifed),

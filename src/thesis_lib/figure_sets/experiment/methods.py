@@ -40,7 +40,7 @@ def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     used = corners[..., rig.central_corners(board)]
     small = Board(7, 9, board.tile, board.margin)
     cameras = [
-        rig.calibrate_camera(list(own), small, camera.size, camera.name).camera()
+        rig.calibrate_camera(list(own), small, camera.size, camera.name).lens
         for own, camera in zip(used, manifest.cameras, strict=True)
     ]
     return adjust_bundle(used, small.corners, cameras, lenses=False)
@@ -87,8 +87,7 @@ def check_grid(data: xr.Dataset, markers: Markers) -> None:
     """Refuse cameras whose views of the resting markers do not fit the nominal grid."""
     tracks = data["tracks"].sel(width=data["width"].max()).values
     still = np.arange(tracks.shape[1]) < float(data["rest"]) * data["frame_rate"].values[:, None]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
     cameras = read_cameras(data, "full", int(data["width"].max()))
     rest = np.array([pinhole.undistort_pixels(c, own) for c, own in zip(cameras, raw, strict=True)])
@@ -272,7 +271,7 @@ def measure_deflection(
     """
     P, omega = tracks.P, instant.omega
     if method == "harmonic":
-        shape = rc.real_shape(fits.deflection_amplitude(tracks, omega, exposures), instant.phase)
+        shape = fits.real_shape(fits.deflection_amplitude(tracks, omega, exposures), instant.phase)
         return shape, fits.amplitude_std(tracks, omega, exposures)
     if method in ("matched", "literal"):  # they take frames as they are
         uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]

@@ -262,10 +262,7 @@ class Adjustment(Network):
 
 
 def adjust_bundle(
-    observations: Array,
-    points: Array,
-    cameras: Sequence[Camera],
-    lenses: bool = True,
+    observations: Array, points: Array, cameras: Sequence[Camera], lenses: bool = True
 ) -> Adjustment:
     """Return the cameras and board poses of least squared reprojection error (eq. 5.1).
 

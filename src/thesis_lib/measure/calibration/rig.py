@@ -52,10 +52,7 @@ Pose = tuple[Array, Array]
 class Calibration:
     """One camera, calibrated by itself."""
 
-    name: str  #: The camera's name
-    size: tuple[int, int]  #: Width and height of the sensor in px
-    K: Array  #: Intrinsic matrix in px, shape (3, 3)
-    distortion: Array  #: Coefficients k₁, k₂, p₁, p₂, k₃, the last always 0, shape (5,)
+    lens: Camera  #: Its intrinsics and distortion, k₃ being 0; the pose is not used
     #: From the board to the camera in each calibration image, shape (shots, 3, 3); NaN where the
     #: board was not found
     rotations: Array
@@ -63,19 +60,9 @@ class Calibration:
     rms: float  #: Root mean square residual per coordinate, px
     deviations: Array  #: Standard deviations of f_x, f_y, c_x and c_y in px, shape (4,)
 
-    def camera(self) -> Camera:
-        """Return the camera in the board's frame of the first image; at the origin without it."""
-        R, t = self.rotations[0], self.translations[0]
-        if np.isnan(t).any():
-            R, t = np.eye(3), np.zeros(3)
-        return Camera(self.name, self.K, self.distortion, R, -R.T @ t, self.size)
-
 
 def calibrate_camera(
-    shots: Sequence[Array | None],
-    board: Board,
-    size: tuple[int, int],
-    name: str = "camera",
+    shots: Sequence[Array | None], board: Board, size: tuple[int, int], name: str = "camera"
 ) -> Calibration:
     """Calibrate one camera and its board poses by Zhang's method (Appendix D, step 4).
 
@@ -128,9 +115,10 @@ def calibrate_camera(
     rotations, translations = _unseen_poses(len(shots))
     for shot, turn, move in zip(used, turns, moves, strict=True):
         rotations[shot], translations[shot] = cv2.Rodrigues(turn)[0], np.ravel(move)
+    distortion = np.ravel(np.asarray(k, float))[:5]
+    lens = Camera(name, ours, distortion, np.eye(3), np.zeros(3), size)
     # OpenCV's rms is per point: of the distance, not of its two coordinates.
-    lens, error = np.ravel(np.asarray(k, float))[:5], float(rms / np.sqrt(2))
-    return Calibration(name, size, ours, lens, rotations, translations, error, sigma)
+    return Calibration(lens, rotations, translations, float(rms / np.sqrt(2)), sigma)
 
 
 def _unseen_poses(count: int) -> tuple[Array, Array]:
@@ -212,7 +200,7 @@ def unify_corners(
     symmetries, X = _list_symmetries(board, two_sided), board.corners
     points = np.array([_place_boards(c, board, symmetries) for c in calibrations])
     seen = np.isfinite(points[:, :, 0, 0, 0])
-    rig = _chain_cameras([c.name for c in calibrations], points, seen)
+    rig = _chain_cameras([c.lens.name for c in calibrations], points, seen)
     result = np.full((*seen.shape, *X[:2].shape), np.nan)
     # To which corner each of them goes under a symmetry.
     apart = np.linalg.norm((symmetries @ X)[..., None] - X[:, None], axis=1)
@@ -341,10 +329,7 @@ def single_threaded_opencv() -> Iterator[None]:
 
 @single_threaded_opencv()
 def adjust_cameras(
-    manifest: Manifest,
-    folder: Path,
-    tick: Callable[[], object] = lambda: None,
-    lenses: Sequence[Camera] = (),
+    manifest: Manifest, folder: Path, tick: Callable[[], object], lenses: Sequence[Camera]
 ) -> tuple[Array, list[str], list[Calibration], bundle.Adjustment]:
     """Adjust all cameras together to the board's corners; call `tick` once per image.
 
@@ -403,7 +388,7 @@ def adjust_cameras(
         why = f"{1e3 * off:.1f} mm off the rig of the others" if off else "no camera sees the board"
         files = ", ".join(path.name for row in paths if (path := row[pose]))
         lost.append(f"pose {pose + 1} ({files or 'no image'}): {why}; it is left out")
-    cameras = [one.camera() for one in single]
+    cameras = [one.lens for one in single]
     used = corners[:, seen]
     points = board.corners_in_images(used)
     full = bundle.adjust_bundle(used, points, cameras, lenses=not lenses)
@@ -435,10 +420,7 @@ def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Ca
     for shot, uv in enumerate(shots):
         if uv is not None:
             rotations[shot], translations[shot] = bundle.planar_pose(lens, board.corners, uv)
-    size, unknown = lens.size, np.full(4, np.nan)
-    return Calibration(
-        lens.name, size, lens.K, lens.distortion, rotations, translations, np.nan, unknown
-    )
+    return Calibration(lens, rotations, translations, np.nan, np.full(4, np.nan))
 
 
 def cameras_in(calibration: xr.Dataset) -> list[Camera]:

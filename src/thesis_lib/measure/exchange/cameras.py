@@ -7,6 +7,7 @@ its centre, X along its length, Z along its normal, in m.
 """
 
 import json
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,12 +48,8 @@ CALIBRATION_KINDS = (
 )
 MIN_MILLIMETRE_SPAN_M = 100.0  # m between cameras, from which on lengths are taken for millimetres
 _BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan"}  # all the same one
-# Names under which programs and scripts write what a camera needs, in lower case
-_MATRIX_NAMES = ("camera_matrix", "matrix", "cameramatrix", "intrinsic_matrix", "k", "mtx")
-_COEFFICIENT_NAMES = ("distortion_coefficients", "distortions", "distortion_coeffs", "dist_coeffs",
-                      "dist_coeff", "distcoeffs", "dist", "d")  # fmt: skip
-_SIZE_NAMES = ("size", "image_size", "imagesize", "resolution")
-_ROTATION_NAMES, _TRANSLATION_NAMES = ("rvec", "rotation", "r"), ("tvec", "translation", "t")
+_NAMES_FILE = Path(__file__).with_name("camera_names.toml")
+_NAMES: dict[str, list[str]] = tomllib.loads(_NAMES_FILE.read_text(encoding="utf-8"))
 # Focal lengths over an image's width: a fisheye lens has 0.3, the longest telephoto lens 250
 _MIN_FOCAL, _MAX_FOCAL = 0.02, 2000
 _MAX_SIDE_PX = 100_000
@@ -167,7 +164,7 @@ def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[s
     if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
         return
     inside = {key: value for key, value in values.items() if isinstance(value, Mapping)}
-    if any(isinstance(own.get(name), list | Mapping) for name in _MATRIX_NAMES):
+    if any(isinstance(own.get(name), list | Mapping) for name in _NAMES["matrix"]):
         keys = "name", "camera_name", "cam_id", "port"
         yield str(next((own[key] for key in keys if key in own), stem)), own
     elif chain := {key: value for key, value in inside.items() if "intrinsics" in value}:
@@ -200,10 +197,10 @@ def _of_kalibr(cameras: Mapping[Any, Mapping[str, Any]]) -> Iterator[tuple[str, 
 def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, bool]:
     """Return one camera with lengths times a scale, and whether its place is known."""
 
-    def first_given(*names: str) -> Any:
-        return next((entry[one] for one in names if entry.get(one) is not None), None)
+    def first_given(what: str) -> Any:
+        return next((entry[one] for one in _NAMES[what] if entry.get(one) is not None), None)
 
-    K = _numbers(first_given(*_MATRIX_NAMES), "camera_matrix", (9,)).reshape(3, 3)
+    K = _numbers(first_given("matrix"), "camera_matrix", (9,)).reshape(3, 3)
     if K[0, 0] < 0 or K[1, 1] < 0:
         raise ValueError(f"mirrored axes (a negative focal length), {_AXES_TEXT}")
     if not (K[0, 0] and K[1, 1] and np.allclose(K[2], [0, 0, 1]) and abs(K[1, 0]) < 1e-9):
@@ -211,10 +208,7 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
             f"camera_matrix: given {format_given(K.tolist())}, allowed: an intrinsic matrix"
         )
     K[:2, 2] += HALF_PIXEL
-    size = first_given(*_SIZE_NAMES) or [
-        first_given("image_width", "width"),
-        first_given("image_height", "height"),
-    ]
+    size = first_given("size") or [first_given("width"), first_given("height")]
     width, height = _numbers(size, "image_width and image_height", (2,))
     if not (0 < width <= _MAX_SIDE_PX and 0 < height <= _MAX_SIDE_PX):
         raise ValueError(
@@ -225,7 +219,7 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
             f"focal lengths {K[0, 0]:.4g} and {K[1, 1]:.4g} px, allowed: {_MIN_FOCAL} to "
             f"{_MAX_FOCAL} widths of the image"
         )
-    turn, move = first_given(*_ROTATION_NAMES), first_given(*_TRANSLATION_NAMES)
+    turn, move = first_given("rotation"), first_given("translation")
     placed = turn is not None and move is not None
     R, t = np.eye(3), np.zeros(3)
     if placed:
@@ -237,10 +231,10 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
             raise ValueError(f"mirrored axes (a rotation of determinant -1), {_AXES_TEXT}")
         t = scale * _numbers(move, "translation", (3,))
     allowed = "allowed: k1, k2, p1, p2, k3 (Brown)"
-    model = str(first_given("distortion_model", "camera_model", "model") or "").lower()
-    if first_given("fisheye", "fisheye_model"):
+    model = str(first_given("model") or "").lower()
+    if first_given("fisheye"):
         model = "fisheye"
-    lens = first_given(*_COEFFICIENT_NAMES)
+    lens = first_given("distortion")
     values = np.zeros(5) if lens is None else _numbers(lens, "distortion_coefficients", ())
     count, extra = values.size, bool(values[5:].any())
     if model not in _BROWN_MODELS and (model != "rational_polynomial" or extra):

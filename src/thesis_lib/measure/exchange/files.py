@@ -166,7 +166,7 @@ def write_vtk(folder: Path, data: xr.Dataset) -> None:
     known = np.isfinite(amplitude) & np.isfinite(data["rest_position"].values).all(axis=0)
     points, amplitude = data["rest_position"].values[:, known].T, amplitude[known]
     x, y = data["x"].values[known], data["y"].values[known]
-    cells = marker_faces(x, y) if len(marker_faces(x, y)) else marker_edges(x, y)
+    cells = faces if len(faces := marker_faces(x, y)) else marker_edges(x, y)
     count, corners = cells.shape
     grid = {
         "points": points,

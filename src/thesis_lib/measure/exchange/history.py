@@ -14,12 +14,12 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.fitting.harmonics import mean_of
+from thesis_lib.measure.fitting.harmonics import at_rest, row_delays
 from thesis_lib.measure.fitting.reconstruction import group_visible, triangulate_seen
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vision.pinhole import distort_pixels, project, projection_matrices
+from thesis_lib.vision.pinhole import project, projection_matrices
 from thesis_lib.vision.triangulation import triangulation_gain
 
 INTERPOLATION_FRAMES = 6  # frames that an interpolation rests on
@@ -58,11 +58,8 @@ def time_histories(
     sigma = data["centre_scatter"].values
     spans = [own.times[[0, -1]] for own in recordings]
     begin, end = max(first for first, _ in spans), min(last for _, last in spans)
-    static = []  # mean centres at rest, (2, markers) of each camera, px
-    for own, (first, _) in zip(recordings, spans, strict=True):
-        last = first + rest_duration_s - 1 / own.rate
-        static.append(mean_of(np.concatenate([uv for _, uv in own.parts(-np.inf, last)])))
-    off = np.array(static) - project(P, rest)  # what cameras disagree by at rest, at all times
+    static = np.array([at_rest(own, rest_duration_s) for own in recordings])
+    off = static - project(P, rest)  # what cameras disagree by at rest, at all times
     parts = []
     for times, _ in recordings[0].parts(begin, end):
         first, last = data["steady"].values
@@ -130,8 +127,7 @@ def _at(
     pad = (INTERPOLATION_FRAMES + 1) / own.rate + abs(own.readout)
     found = [*own.parts(times[0] - pad, times[-1] + pad)]
     s, uv = (np.concatenate([part[k] for part in found]) for k in (0, 1))
-    rows = distort_pixels(own.camera, project(P[None], rest)[0])[1] / own.camera.size[1]
-    late = own.readout * (rows - 0.5)  # of a marker's row after the middle one's
+    late = row_delays(own, project(P[None], rest)[0])
     plain = _lagrange(s, uv, times, late)
     if not steady.any():
         return np.moveaxis(plain, 1, 0)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from thesis_lib.arrays import Array, ArrayLike, Mask
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.files import whole_text
 from thesis_lib.measure.fitting.reconstruction import group_visible
 from thesis_lib.measure.messages import CHECK_LIMITS
@@ -219,9 +219,7 @@ def rms_and_worst(errors: Array) -> tuple[float, float]:
     return float(np.sqrt(np.mean(known**2))), float(known.max())
 
 
-def noise_errors(
-    P: ArrayLike, points: ArrayLike, sigma: ArrayLike, seen: Mask | None = None
-) -> Array:
+def noise_errors(P: Array, points: Array, sigma: Array, seen: Mask) -> Array:
     """Return the standard errors √Σ (∂Z/∂m σ)² of heights for centre noise, shape (n,), m.
 
     For the amplitude of a harmonic fit to N frames, σ is √(2/N) times that of one. By projection
@@ -231,7 +229,7 @@ def noise_errors(
     """
 
     def errors(P: Array, X: Array, which: Mask) -> Array:
-        gain, noise = triangulation.triangulation_gain(P, X)[2], np.asarray(sigma, float)[which]
+        gain, noise = triangulation.triangulation_gain(P, X)[2], sigma[which]
         each = gain * noise[:, None, None]
         return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))))
 
@@ -255,18 +253,13 @@ def rounding_errors(P: Array, points: Array, amplitude: float, turn: float, seen
 
 
 def _by_view(
-    P: ArrayLike,
-    points: ArrayLike,
-    seen: Mask | None,
-    errors: Callable[[Array, Array, Mask], Array],
+    P: Array, points: Array, seen: Mask, errors: Callable[[Array, Array, Mask], Array]
 ) -> Array:
     """Return errors by the cameras that see a point; infinite where these stand in line."""
-    P, X = np.asarray(P, float), np.asarray(points, float)
-    visible = np.ones((len(P), X.shape[1]), bool) if seen is None else seen
-    result = np.full(X.shape[1], np.nan)
-    for pattern, where in group_visible(visible):
+    result = np.full(points.shape[1], np.nan)
+    for pattern, where in group_visible(seen):
         try:
-            result[where] = errors(P[pattern], X[:, where], pattern)
+            result[where] = errors(P[pattern], points[:, where], pattern)
         except np.linalg.LinAlgError:
             result[where] = np.inf
     return result

@@ -235,19 +235,25 @@ def amplitude_std(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2
     return reconstruction.height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread, axis)
 
 
-def common_phase(shape: ComplexArray, force: complex = 0j, damping: float = 0.0) -> float:
+def common_phase(shape: ComplexArray, expected: float | None = None) -> float:
     """Return the phase in rad that leaves least of the shape in quadrature.
 
-    Of the two that do, half a period apart, it is the one that a force at resonance gives; where
-    the force is unknown, the one in which the largest deflection is upward.
+    Of the two that do, half a period apart, it is the one nearer to an expected phase in rad; if
+    none is expected, the one in which the largest deflection is upward.
     """
     phase = 0.5 * float(np.angle(np.nansum(shape**2)))
-    if force:
-        upside_down = np.cos(phase - (np.angle(force) - (np.pi / 2 - damping))) < 0
+    if expected is not None:
+        upside_down = np.cos(phase - expected) < 0
     else:
         real = np.nan_to_num(np.real(shape * np.exp(-1j * phase)))
         upside_down = real[np.argmax(np.abs(real))] < 0
     return phase + np.pi if upside_down else phase
+
+
+def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
+    """Return the deflection (markers,) in m at its maximum, near an expected phase in rad."""
+    phase = common_phase(amplitude, expected_phase)
+    return np.asarray(np.real(amplitude * np.exp(-1j * phase)), float)
 
 
 #: Trial frequencies about that of a vibration, in cycles per recording: the fit has taken what is

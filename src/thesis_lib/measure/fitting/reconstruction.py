@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray, Mask
+from thesis_lib.arrays import Array, ArrayLike, IntArray, Mask
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.vision.pinhole import Camera, project, projection_matrices
@@ -95,18 +95,6 @@ def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
     return Frame(R, a - R.T @ b, rms, scale, tilt)
 
 
-def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
-    """Return the deflection in m at its maximum, from complex amplitudes (markers,).
-
-    The common phase is the one that leaves least of the amplitudes imaginary; of its two values,
-    half a period apart, the one nearer to `expected_phase` in rad is taken.
-    """
-    phase = 0.5 * np.angle(np.nansum(amplitude**2))
-    if np.cos(phase - expected_phase) < 0:
-        phase += np.pi
-    return np.asarray(np.real(amplitude * np.exp(-1j * phase)), float)
-
-
 # One instant.
 
 
@@ -144,7 +132,7 @@ def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) ->
 
 
 def measure_instant(
-    P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike, sigma: ArrayLike
+    P: Array, frame: Frame, rest: ArrayLike, uv: ArrayLike, sigma: Array
 ) -> tuple[Array, Array]:
     """Measure the deflection at one instant, with its standard uncertainty, both (markers,), m.
 
@@ -161,31 +149,27 @@ def measure_instant(
 # What noise of the centres does.
 
 
-def normal_gain(P: ArrayLike, frame: Frame, points: ArrayLike, seen: Mask, axis: int = 2) -> Array:
+def normal_gain(P: Array, frame: Frame, points: Array, seen: Mask, axis: int = 2) -> Array:
     """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px.
 
     Or of its place along another `axis` of the beam. A camera that does not see a point, by `seen`
     (cameras, n), has no part in it; NaN where fewer than two do.
     """
-    P, X = np.asarray(P, float), np.asarray(points, float)
-    gains = np.zeros((len(P), 2, X.shape[1]))
+    gains = np.zeros((len(P), 2, points.shape[1]))
     gains[:, :, seen.sum(axis=0) < 2] = np.nan
     for pattern, where in group_visible(seen):
-        own = np.tensordot(frame.R[axis], triangulation_gain(P[pattern], X[:, where]), axes=1)
+        own = np.tensordot(frame.R[axis], triangulation_gain(P[pattern], points[:, where]), axes=1)
         gains[np.ix_(pattern, np.ones(2, bool), where)] = own
     return gains
 
 
-def height_deviation(
-    P: ArrayLike, frame: Frame, points: ArrayLike, sigma: ArrayLike, axis: int = 2
-) -> Array:
+def height_deviation(P: Array, frame: Frame, points: Array, sigma: Array, axis: int = 2) -> Array:
     """Return the standard deviation of heights (n,) in m for centre noise (cameras, 2, n) in px.
 
     Or of places along another `axis` of the beam. Where the noise is NaN a camera does not see it.
     """
-    s = np.asarray(sigma, float)
-    seen = np.isfinite(s).all(axis=1)
-    each = normal_gain(P, frame, points, seen, axis) * np.where(seen[:, None], s, 0.0)
+    seen: Mask = np.all(np.isfinite(sigma), axis=1)
+    each = normal_gain(P, frame, points, seen, axis) * np.where(seen[:, None], sigma, 0.0)
     return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))), float)
 
 

@@ -182,7 +182,8 @@ def shape_result(
     fit, lags, lag_errors = clocks.correct_starts(fit, omega, exposures)
     complex_shape = harmonics.deflection_amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
-    phase = harmonics.common_phase(complex_shape, force, manifest.structure.damping)
+    lag = np.pi / 2 - manifest.structure.damping  # behind the force at resonance
+    phase = harmonics.common_phase(complex_shape, float(np.angle(force)) - lag if force else None)
     turned = complex_shape * np.exp(-1j * phase)
     shape, error = turned.real, harmonics.amplitude_std(fit, omega, exposures)
     usual = np.nanmedian(scatter, axis=-1, keepdims=True)

@@ -71,21 +71,19 @@ MAX_LOOKS = 6
 
 def without_strays(track: Track, places: Array) -> Track:
     """Return the track without centres that move unlike neighbours at (2, markers)."""
-    with warnings.catch_warnings():  # of markers that are never seen
-        warnings.simplefilter("ignore", RuntimeWarning)
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         moved = track.uv - np.nanmedian(track.uv, axis=0)
     return replace(track, uv=np.where(find_strays(moved, places)[:, None], np.nan, track.uv))
 
 
 def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places: Array) -> Track:
     """Return the track without centres whose residuals differ from their neighbours'."""
-    B, known = fits.pole_columns(block.times, rates), block.known
-    with warnings.catch_warnings():  # of markers that are never seen
-        warnings.simplefilter("ignore", RuntimeWarning)
+    known = block.known
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * scipy.spatial.KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(MAX_LOOKS):
-        left = block.values - B @ fits.fit_known(B, replace(block, known=known))[0]
+        left = fits.left_of(replace(block, known=known), rates)
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = find_strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
@@ -102,8 +100,7 @@ def find_strays(moved: Array, places: Array) -> Mask:
     """Return which of some motions (frames, 2, markers) are far from those of their neighbours."""
     count = min(NEIGHBOUR_COUNT + 1, places.shape[1])
     _, near = scipy.spatial.KDTree(places.T).query(places.T, k=count)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         around = moved[:, :, near[:, 1:]]
         middle = _median(around)
         spread = _median(np.abs(around - middle[..., None]))
@@ -163,9 +160,8 @@ def mode_images(
 ) -> list[harmonics.Harmonics]:
     """Return each mode in one camera's images, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
-    B = fits.pole_columns(block.times, poles.rates)
-    fit, inverse = fits.fit_known(B, block)
-    sigma = fits.residual_scatter(block, B, fit).reshape(2, markers)
+    fit, inverse = fits.fit_known(fits.pole_columns(block.times, poles.rates), block)
+    sigma = fits.residual_scatter(block, poles.rates).reshape(2, markers)
     fit = fit * block.scale
     found = []
     for k, rate in enumerate(poles.rates):

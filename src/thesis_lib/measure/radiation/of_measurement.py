@@ -89,7 +89,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         "highest": float(fastest / (2 * np.pi)),
         "outline": np.ravel(1000 * corners),
         "wall": asked.wall,
-        "held": len(asked.held_edges(structure.kind, len(corners))),
+        "held": len(asked.held_edges(structure.kind)),
         "speed_of_sound": asked.speed_of_sound_m_s,
         "air_density": asked.air_density_kg_m3,
     }
@@ -168,7 +168,7 @@ def _choose_motion(
         if asked.between == "model" or np.all(left[:, 0] <= MAX_MODEL_CHI * left[:, 1]):
             return found
     step = radiated.largest_gap(markers)
-    held = radiated.edge_places(corners, asked.held_edges(structure.kind, len(corners)), step)
+    held = radiated.edge_places(corners, asked.held_edges(structure.kind), step)
     return radiated.by_spline(markers, held, places)
 
 

@@ -258,7 +258,7 @@ def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
         return 0, len(times), float(np.nan_to_num(times[0])), 1.0
     off = times - samples[:-1]
     first, last = 0, len(times)
-    for k in _jumps(samples[:-1], off):
+    for k in _jumps(off):
         if samples[k] < PRIMING_S:
             first = k
         elif samples[-1] - samples[k] < PRIMING_S:
@@ -278,7 +278,7 @@ def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
     return first, last, float(times[first] + np.median(y - y[0] - slope * x)), 1 + slope
 
 
-def _jumps(samples: Array, off: Array) -> list[int]:
+def _jumps(off: Array) -> list[int]:
     """Find the frames at which time stamps jump against the samples for good."""
     if len(off) < 2:
         return []

@@ -368,7 +368,7 @@ class Radiation(Fields):
         every = discs.reshape(2, -1).T
         return np.asarray(every[scipy.spatial.ConvexHull(every).vertices], float)
 
-    def held_edges(self, kind: str, corners: int) -> list[int]:
+    def held_edges(self, kind: str) -> list[int]:
         """Return the numbers of the edges that are held at rest."""
         if self.edges != "by kind":
             return [i for i, edge in enumerate(self.edges) if edge == "held"]

@@ -5,6 +5,7 @@ import glob
 import json
 import re
 import shlex
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -27,20 +28,10 @@ from thesis_lib.text import has_hidden
 from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
 
 MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = 3, 12  # by each camera
-#: What is printed and filmed by the guide, where nothing else is given: a board that fits on A4,
-#: glued on a plate, and sound of the room
-GUIDE_VALUES = {"board.columns": 7, "board.rows": 5, "board.tile_mm": 28.0, "board.margin_mm": 21.0,
-                "board.two_sided": False, "excitation.sound": "room"}  # fmt: skip
-ASKED_FIELDS = (  # what no file shows
-    "structure.kind", "structure.length_mm", "structure.width_mm", "structure.thickness_mm",
-    "structure.density_kg_m3", "structure.youngs_modulus_pa", "structure.force_position_mm",
-    "structure.markers.rows", "structure.markers.columns", "structure.markers.spacing_mm",
-    "structure.markers.row_spacing_mm", "structure.markers.diameter_mm", "structure.markers.tone",
-    "board.kind", "board.columns", "board.rows", "board.tile_mm", "board.two_sided",
-    "excitation.frequency_hz", "excitation.sound", "excitation.rest_duration_s",
-    "excitation.steady_interval_s", "cameras.exposure_s",
-)  # fmt: skip
-ASKED_OF_MARKS = ("board.mark_mm", "board.dictionary")
+_LISTS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+GUIDE_VALUES: dict[str, Any] = _LISTS["guide_values"]
+ASKED_FIELDS: tuple[str, ...] = tuple(_LISTS["asked_fields"])
+ASKED_OF_MARKS: tuple[str, ...] = tuple(_LISTS["asked_of_marks"])
 # Of the shortest frame, which stands for an exposure that is not given
 ASSUMED_EXPOSURE_RATIO = 0.25
 
@@ -251,19 +242,9 @@ def _fields(
             yield f"{space}{name}: {text}  # {check}{describe_field(type(part), name)}"
 
 
-#: Endings of videos, which must be readable
-VIDEO_ENDINGS = {
-    ".3g2", ".3gp", ".avi", ".cine", ".flv", ".insv", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4",
-    ".mpeg", ".mpg", ".mts", ".mxf", ".ogv", ".ts", ".webm", ".wmv",
-}  # fmt: skip
-#: Endings of what `thesis convert` makes a video of
-RAW_ENDINGS = {".264", ".265", ".cih", ".cihx", ".h264", ".h265", ".hevc"}
-#: Endings of what lies beside videos and is none
-OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | {
-    ".aac", ".csv", ".flac", ".gif", ".html", ".ini", ".json", ".m4a", ".md", ".mp3", ".mraw",
-    ".nc", ".ogg", ".opus", ".pdf", ".py", ".srt", ".thm", ".toml", ".txt", ".wav", ".xml",
-    ".yaml", ".yml", ".zip",
-}  # fmt: skip
+VIDEO_ENDINGS = frozenset(_LISTS["video_endings"])
+RAW_ENDINGS = frozenset(_LISTS["raw_endings"])
+OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | frozenset(_LISTS["other_endings"])
 MAX_NAME_CHARACTERS = 40  # characters of a camera's name
 _CHAPTER_PATTERN = re.compile(
     r"(?:G[HXLS](?P<part>\d\d)|GOPR|GP(?P<old>\d\d))(?P<film>\d{4})", re.I

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from thesis_lib.arrays import Array, ArrayLike, Image, IntArray
+from thesis_lib.arrays import Array, Image, IntArray
 from thesis_lib.measure.recordings import audio, force_table, media, media_info
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
@@ -199,15 +199,14 @@ def _check_video(camera: CameraFiles, info: VideoInfo, excitation: Excitation) -
         )
 
 
-def on_one_line(points: ArrayLike, diameter: float) -> bool:
+def on_one_line(points: Array, diameter: float) -> bool:
     """Return whether markers at points (2, n) leave the rotation about their line undetermined.
 
     Nor which way is up then. Across the line their scatter must be more than a part of the
     diameter, so that it is more than what they are off their places.
     """
-    places = np.asarray(points, float)
-    off = places - places.mean(axis=1, keepdims=True)
-    across = np.linalg.eigvalsh(off @ off.T / places.shape[1])[0]
+    off = points - points.mean(axis=1, keepdims=True)
+    across = np.linalg.eigvalsh(off @ off.T / points.shape[1])[0]
     return bool(across < (diameter / 4) ** 2)
 
 
@@ -237,18 +236,17 @@ def note_changes(frames: Iterable[Image], steps: Array, across: Array) -> Iterat
         yield image
 
 
-def find_repeats(steps: ArrayLike, across: ArrayLike) -> IntArray:
+def find_repeats(steps: Array, across: Array) -> IntArray:
     """Return the frames that repeat the one before, while frames around them do not.
 
     Parameters
     ----------
-    steps : array_like, shape (frames,)
+    steps : ndarray, shape (frames,)
         Mean change of grey levels from the frame before.
-    across : array_like, shape (frames,)
+    across : ndarray, shape (frames,)
         That from two frames before to the frame after, which is small where a motion turns back
         between two frames, so that these are alike.
     """
-    steps, across = np.asarray(steps, float), np.asarray(across, float)
     if len(steps) < 2 * NEIGHBOUR_FRAMES:
         return np.zeros(0, int)
     # The largest change in the frames up to each one, and in those from it on.

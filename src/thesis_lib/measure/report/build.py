@@ -216,10 +216,7 @@ def summarise_shape(data: xr.Dataset) -> list[str]:
 
 
 def build_modes(
-    data: xr.Dataset,
-    manifest: Manifest,
-    response: Report | None = None,
-    sound: Report | None = None,
+    data: xr.Dataset, manifest: Manifest, response: Report | None, sound: Report | None
 ) -> Report:
     """Return the report on several modes, with parts on force and sound where there are any."""
     figures = {

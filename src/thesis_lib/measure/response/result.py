@@ -162,7 +162,7 @@ VARIABLES = read_variables(__file__, "response")
 
 
 def estimate_response(
-    manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording], folder: Path
+    manifest: Manifest, recordings: Sequence[Recording], folder: Path
 ) -> xr.Dataset:
     """Return the motion of every marker over the force.
 

@@ -27,7 +27,7 @@ import numpy as np
 import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
-from thesis_lib.measure.fitting import frequency as clocks, reconstruction
+from thesis_lib.measure.fitting import frequency as clocks, harmonics, reconstruction
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import Manifest
@@ -295,8 +295,7 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
         lost = np.zeros(uv.shape, bool)
         lost[repeated:] = np.isnan(uv)[:-repeated]
         uv = np.where(lost, np.nan, full)
-    rows = pinhole.distort_pixels(own.camera, still)[1]
-    late = np.nan_to_num(own.readout * (rows / height - 0.5))
+    late = np.nan_to_num(harmonics.row_delays(own, still))
     later = own.readout * full[:, 1] / height  # since the marker has moved across rows
     uv = uv - np.nan_to_num(np.gradient(full, times, axis=0) * later[:, None])
     both = uv.reshape(len(uv), -1)

@@ -42,20 +42,6 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
-def _describe_starts(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> list[str]:
-    """Report the table in sentences, uncertainties with two digits."""
-    return render_lines(
-        "measure/synchronisation/templates/videos.txt.j2",
-        first=names[0],
-        starts=[*zip(names[1:], drifts, strict=True)],
-        frame_rate=None if np.isnan(frame_rate) else frame_rate,
-        is_unknown=np.isnan,
-        round_to=_round_to,
-        format_std=_format_std,
-        least_agreement=MIN_AGREED_SHARE,
-    )
-
-
 def _round_to(value: float, std: float, sign: str = "+") -> str:
     """Format a value with the decimals that show two significant digits of its uncertainty."""
     decimals = max(0, 1 - int(np.floor(np.log10(std))))
@@ -97,7 +83,16 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         write_csv(table, part / "sync.csv", "%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
-    found = _describe_starts(drifts, names, frame_rate)
+    found = render_lines(  # the table in sentences, uncertainties with two digits
+        "measure/synchronisation/templates/videos.txt.j2",
+        first=names[0],
+        starts=[*zip(names[1:], drifts, strict=True)],
+        frame_rate=None if np.isnan(frame_rate) else frame_rate,
+        is_unknown=np.isnan,
+        round_to=_round_to,
+        format_std=_format_std,
+        least_agreement=MIN_AGREED_SHARE,
+    )
     for video, name in zip(videos, names, strict=True):
         with open_audio(video) as audio:
             if audio.source:  # not all channels, or not at the stated pace

@@ -19,6 +19,7 @@ import scipy
 from thesis_lib.arrays import Array, ArrayLike, IntArray, Signal
 from thesis_lib.measure.synchronisation import tones
 from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
+from thesis_lib.measure.synchronisation.tones import Interval
 
 NORMALISED_LAGS = 1 << 18  # that are normalised at once
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
@@ -196,11 +197,7 @@ def _compare_signals(
 
 
 def phase_delays(
-    signals: Sequence[Signal],
-    rate: float,
-    frequency: float,
-    guess: Array,
-    steady: tuple[float, float] | None = None,
+    signals: Sequence[Signal], rate: float, frequency: float, guess: Array, steady: Interval | None
 ) -> Array:
     """Return delays from a sine's phase, each nearest to a guess, shape (recordings,), s.
 

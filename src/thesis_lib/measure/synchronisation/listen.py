@@ -148,7 +148,6 @@ class Synchronisation:
     """Starts of all cameras."""
 
     delays: Array  #: Start of each camera minus that of the first, s, shape (cameras,)
-    frame_rate: float  #: Frames per second
     #: The most doubtful of all cameras with the first one; None: nothing was heard
     match: matching.Match | None = None
     #: Of the tone, Hz; whole periods are what may be in doubt; None in a room
@@ -165,18 +164,19 @@ class Synchronisation:
         """Return whether two delays cannot be told apart; then the shortest are given."""
         return self.match is not None and self.match.ambiguous
 
-    def describe(self, names: Sequence[str]) -> list[str]:
-        """Describe what was found, its uncertainty, and what sound cannot show."""
-        frequency, frames = self.frequency, whole_frames(self.delays, self.frame_rate)
+    def describe(self, names: Sequence[str], frame_rate: float) -> list[str]:
+        """Describe what was found, its uncertainty, and what sound cannot show; rate in Hz."""
+        frequency, frames = self.frequency, whole_frames(self.delays, frame_rate)
         return render_lines(
             "measure/synchronisation/templates/starts.txt.j2",
             found=self,
+            frame_rate=frame_rate,
             names=names,
             starts=[*zip(names, self.delays, frames, strict=True)][1:],
             sources=[one for one in zip(names, self.sources, strict=False) if one[1]],
             snr_db=10 * np.log10(self.snr),
             below_hz=matching.CORRELATION_RATE // 2,
-            shift_frames=self.frame_rate * coupling_delay(frequency) if frequency else np.nan,
+            shift_frames=frame_rate * coupling_delay(frequency) if frequency else np.nan,
         )
 
 
@@ -193,7 +193,6 @@ def whole_frames(delays: ArrayLike, frame_rate: float) -> IntArray:
 def synchronise_cameras(
     recordings: Sequence[audio.AudioSource],
     heard: LoadedAudio,
-    frame_rate: float,
     frequency: float | None,
     steady: Interval | None = None,
 ) -> Synchronisation:
@@ -227,7 +226,6 @@ def synchronise_cameras(
         delays = matching.phase_delays(heard.tones, heard.tone_rate, frequency, delays, steady)
     return Synchronisation(
         delays=delays - (heard.starts - heard.starts[0]),
-        frame_rate=frame_rate,
         match=max(matches.values(), key=lambda one: (one.ambiguous, one.ratio)),
         frequency=frequency,
         snr=min(one.snr for one in matches.values()),
@@ -271,16 +269,16 @@ def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
     """
     for problem in check_excitation(manifest):
         raise ManifestError(problem)
-    excitation, rate = manifest.excitation, manifest.cameras[0].frame_rate_hz
+    excitation = manifest.excitation
     if excitation.sound == "none":
-        found = Synchronisation(np.zeros(len(manifest.cameras)), rate)
+        found = Synchronisation(np.zeros(len(manifest.cameras)))
         begin, end = 0.0, min(float(clock_of(one, folder)[-1]) for one in manifest.cameras)
     else:
         recordings = [audio.AudioSource(one.name, folder / one.video) for one in manifest.cameras]
         if excitation.sound == "force" and excitation.behaviour.has_one_frequency:
             return _of_the_force(manifest, recordings)
         heard = load_audio(recordings, None, 0.0)
-        found = synchronise_cameras(recordings, heard, rate, None)
+        found = synchronise_cameras(recordings, heard, None)
         begin, end = _common(found, heard)
     _check_steady(manifest, begin, end)
     rest = excitation.rest_duration_s
@@ -319,13 +317,14 @@ def _label_sound(
         "ambiguous": int(found.ambiguous),
         "signal_to_noise": found.snr,
     }
-    lines = found.describe([camera.name for camera in manifest.cameras])
+    names = [camera.name for camera in manifest.cameras]
+    lines = found.describe(names, manifest.cameras[0].frame_rate_hz)
     return xr.Dataset(label_values(values, VARIABLES), attrs={"synchronisation": "\n".join(lines)})
 
 
 def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> xr.Dataset:
     """Return starts and steady interval from the force's signal."""
-    excitation, rate = manifest.excitation, manifest.cameras[0].frame_rate_hz
+    excitation = manifest.excitation
     steady = excitation.steady_interval_s
     skip = steady[0] if steady else excitation.rest_duration_s
     frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings, skip)
@@ -333,7 +332,7 @@ def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> xr
     _check_steady(manifest, 0.0, float(heard.ends[0]))
     zero = float(heard.starts[0]) + heard.tone_start
     own = steady and (steady[0] - zero, steady[1] - zero)
-    found = synchronise_cameras(recordings, heard, rate, frequency, own)
+    found = synchronise_cameras(recordings, heard, frequency, own)
     _check_steady(manifest, *_common(found, heard))
     tone, rate = heard.tones[0], heard.tone_rate
     begin, end = own or tones.settle_interval(tone, rate, frequency)

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 import scipy
 
-from thesis_lib.arrays import ArrayLike, Signal
+from thesis_lib.arrays import Signal
 from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
 
 Interval = tuple[float, float]
@@ -25,7 +25,7 @@ SPECTRUM_SAMPLES = 1 << 18  # samples of which a spectrum is taken at once
 
 
 def fit_tone(
-    blocks: Iterable[ArrayLike], rate: float, frequency: float, centre: float
+    blocks: Iterable[Signal], rate: float, frequency: float, centre: float
 ) -> tuple[complex, float]:
     """Return the least-squares fit of a tone plus a constant to a signal that comes in blocks.
 
@@ -47,25 +47,24 @@ def fit_tone(
     return complex(fit[0], -fit[1]), float(explained / max(variance, 1e-300))
 
 
-def tone_at(signal: ArrayLike, rate: float, frequency: float, centre: float) -> complex:
+def tone_at(signal: Signal, rate: float, frequency: float, centre: float) -> complex:
     """Return complex amplitude at `centre` s after the first sample of a tone plus a constant."""
     return fit_tone([signal], rate, frequency, centre)[0]
 
 
-def tone_share(signal: ArrayLike, rate: float, frequency: float) -> float:
+def tone_share(signal: Signal, rate: float, frequency: float) -> float:
     """Return the share of a signal's variance that a tone explains."""
-    return fit_tone([signal], rate, frequency, len(np.asarray(signal)) / rate / 2)[1]
+    return fit_tone([signal], rate, frequency, len(signal) / rate / 2)[1]
 
 
 def strongest_frequency(
-    signal: ArrayLike, rate: float, low: float, high: float, most: int | None = None
+    x: Signal, rate: float, low: float, high: float, most: int | None = None
 ) -> float:
     """Return the frequency in Hz from `low` to `high` at which a signal's spectrum is highest.
 
     It is off by at most a quarter of 1 / length; or, where the spectra of parts of `most` samples
     are added, of 1 / their length.
     """
-    x = np.asarray(signal)
     n = len(x) if most is None else min(len(x), most)
     size = scipy.fft.next_fast_len(4 * n, real=True)
     window, power = np.hanning(n), np.zeros(size // 2 + 1)
@@ -97,14 +96,13 @@ def tone_frequency(x: Signal, rate: float, guess: float) -> float:
     return best + float(found.x)
 
 
-def frequency_deviation(signal: ArrayLike, rate: float, frequency: float) -> float:
+def frequency_deviation(x: Signal, rate: float, frequency: float) -> float:
     """Return the standard error in Hz of :func:`tone_frequency`, by the noise near the tone.
 
     The Cramér–Rao bound of a frequency, √(3 / (SNR · N)) / (π T) (Rife and Boorstyn 1974), with the
     noise that the signal without the tone has from half to twice its frequency. That the sample
     clock is off, by some 10⁻⁵ in cameras, is not in it.
     """
-    x = np.asarray(signal)
     amplitude = tone_at(x, rate, frequency, 0.0)
     n = min(len(x), SPECTRUM_SAMPLES)
     f, window, powers = np.fft.rfftfreq(n, 1 / rate), np.hanning(n), []
