@@ -11,7 +11,7 @@ import hashlib
 import json
 import time
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -29,26 +29,18 @@ from thesis_lib.text import one_line
 
 
 def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
-    """Return the cube of a figure set.
+    """Return the cube of a figure set, for a validated request.
 
-    Parameters
-    ----------
-    asked : Study
-        A validated request.
-    scheduler : str
-        Workers that compute what can be cut into pieces
-        (:func:`thesis_lib.studies.workers.check_address`); empty computes here.
+    A `scheduler` has workers that compute what can be cut into pieces
+    (:func:`thesis_lib.studies.workers.check_address`); without one it is computed here.
     """
     figure_set = registry.FIGURE_SETS[asked.name]
     library = code_digest(figure_set)
-
-    def compute_result(_: object = None) -> xr.Dataset:
-        return figure_set.compute(asked, scheduler)
-
     if figure_set.kept:
-        return storage.cached_study(asked, compute_result, request_key(asked), library)
+        compute = partial(figure_set.compute, scheduler=scheduler)
+        return storage.cached_study(asked, compute, request_key(asked), library)
     begun = time.perf_counter()
-    result = compute_result()
+    result = figure_set.compute(asked, scheduler)
     return schema.with_provenance(result, asked, time.perf_counter() - begun, library)
 
 
