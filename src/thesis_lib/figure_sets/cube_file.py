@@ -84,9 +84,6 @@ def request_key(asked: Study) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
-
-
 def read_cube(path: Path) -> xr.Dataset:
     """Open one of our cubes.
 
@@ -175,10 +172,10 @@ def _problems(cube: xr.Dataset, request: Study, errors: set[str]) -> Iterator[st
     for dim in ("setting", "mode", "trial"):
         if not cube.sizes.get(dim):
             yield f"it has no {dim}"
-    for name in (*SETTING_KEYS, "mode"):
+    for name in cubes.ROW_KEYS:
         if cube[name].dims != (("mode" if name == "mode" else "setting"),):
             yield f"its {name} is not along its dimension"
-    found = list(zip(*(cube[name].values.tolist() for name in SETTING_KEYS), strict=True))
+    found = list(zip(*(cube[name].values.tolist() for name in cubes.SETTING_KEYS), strict=True))
     asked = [(s.case, float(s.value), s.label, s.pair_order) for s in request.settings()]
     yield from _not_asked("setting", found, asked)
     modes = cube["mode"].values.tolist()

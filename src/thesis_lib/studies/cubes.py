@@ -31,7 +31,8 @@ LISTED_VARIABLES = {  # by its dimension, what is compared of a cube whose resul
     "claim": ("claim", "verdict"),
     "quantity": ("quantity", "value", "unit"),
 }
-ROW_KEYS = ["case", "value", "label", "pair_order", "mode"]
+SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
+ROW_KEYS = [*SETTING_KEYS, "mode"]
 STATISTIC_NAMES = ["trial_0", "median", "low", "high"]
 BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
 
@@ -355,9 +356,9 @@ def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[s
 
 def _select_shared(cube: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Return the parts of two cubes that both have: settings, modes, lists, and first trials."""
-    keys = [name for name in ROW_KEYS if name != "mode"]
-    if all(name in one.variables for one in (cube, other) for name in keys):
-        rows = [zip(*(one[k].values.tolist() for k in keys), strict=True) for one in (cube, other)]
+    both = cube, other
+    if all(name in one.variables for one in both for name in SETTING_KEYS):
+        rows = [zip(*(one[k].values.tolist() for k in SETTING_KEYS), strict=True) for one in both]
         cube = cube.assign_coords(setting=list(map(repr, rows[0])))
         other = other.assign_coords(setting=list(map(repr, rows[1])))
     trials = slice(min(cube.sizes.get("trial", 0), other.sizes.get("trial", 0)) or None)

@@ -180,8 +180,8 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Return the published quantities: one number and unit for every entry of the tables."""
     rows: list[tuple[str, float, str]] = []
 
-    def add_quantity(words: str, values: xr.DataArray, unit: str, scale: float = 1.0) -> None:
-        rows.append((words, scale * float(values), unit))
+    def add_quantity(words: str, value: xr.DataArray, unit: str) -> None:
+        rows.append((words, (1000 if unit == "mm" else 1) * float(value), unit))
 
     for sensor in study.sensors_mm:
         add_quantity(f"crop factor, {sensor}", cube["crop_factor"].sel(sensor=sensor), "1")
@@ -195,18 +195,16 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     add_quantity("largest colour error", cube["largest_colour_error"], "percent")
     add_quantity("centre shift by colour", cube["centre_shift"], "px")
     for i, N in enumerate(study.f_numbers):
-        add_quantity(f"hyperfocal distance, f/{N:g}", cube["hyperfocal_distance"][i], "mm", 1000)
+        add_quantity(f"hyperfocal distance, f/{N:g}", cube["hyperfocal_distance"][i], "mm")
     for distance in study.distances_mm:
         at, here = cube.sel(distance=round(distance / 1000, 9)), f"{distance:g} mm"
         add_quantity(f"error of one depth, {here}", at["projection_error"], "px")
         for i, N in enumerate(study.f_numbers):
             for words in ("near", "far"):
-                limit = at[f"{words}_limit"][i]
-                add_quantity(f"{words} limit, f/{N:g}, {here}", limit, "mm", 1000)
+                add_quantity(f"{words} limit, f/{N:g}, {here}", at[f"{words}_limit"][i], "mm")
         for i, b in enumerate(study.baselines_mm):
             for words, name in (("", "depth_error"), (" in whole pixels", "rounded_depth_error")):
-                error = at[name][i]
-                add_quantity(f"depth error{words}, {b:g} mm apart, {here}", error, "mm", 1000)
+                add_quantity(f"depth error{words}, {b:g} mm apart, {here}", at[name][i], "mm")
     return list_quantities(rows)
 
 
