@@ -52,7 +52,7 @@ LOCK_FILE = Path("requirements", "book.txt")
 
 def source_files(figure_set: FigureSet) -> list[Path]:
     """Return the files of code and facts that can change a cube, and the lock."""
-    own = Path(import_module(figure_set.module.rpartition(".")[0]).__path__[0])
+    own = Path(import_module(figure_set.package).__path__[0])
     rooms = [PACKAGE_FOLDER / room for room in (*SCIENCE_ROOMS, *figure_set.rooms)]
     every = sorted(data_folder().iterdir())
     facts = (
