@@ -29,10 +29,15 @@ from thesis_lib.text import one_line
 
 
 def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
-    """Return the cube of a figure set, for a validated request.
+    """Return the cube of a figure set.
 
-    A `scheduler` has workers that compute what can be cut into pieces
-    (:func:`thesis_lib.studies.workers.check_address`); without one it is computed here.
+    Parameters
+    ----------
+    asked : Study
+        A validated request.
+    scheduler : str
+        Workers that compute what can be cut into pieces
+        (:func:`thesis_lib.studies.workers.check_address`); empty computes here.
     """
     figure_set = registry.FIGURE_SETS[asked.name]
     library = code_digest(figure_set)

@@ -164,9 +164,20 @@ def render_board(
     sensor: Sensor,
     rng: np.random.Generator | None = None,
 ) -> Image:
-    """Render an image of a board that is printed on both sides; without a generator, no noise.
+    """Render an image of a board that is printed on both sides.
 
-    World coordinates are ``rotation @ board + translation``, (3, 3) and (3,), in m.
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    board : Board
+        The board.
+    rotation, translation : array_like, shapes (3, 3) and (3,)
+        World coordinates are ``rotation @ board + translation``, in m.
+    sensor : Sensor
+        Grey levels and noise.
+    rng : numpy.random.Generator, optional
+        Source of the noise; without it there is none.
     """
     shapes = [_divide_sides(vertices, 0.01) for vertices in (board.outline, *board.dark_tiles)]
     flat, polygons = _join_print(shapes, sensor)

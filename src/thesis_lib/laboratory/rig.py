@@ -145,12 +145,31 @@ def default_rig(
     The motion is at rest for a second, grows over two periods, and is filmed in its steady state
     for a second and at least five periods.
 
-    Lengths are in m; `directions_deg` are azimuth and elevation of each camera, `distance` is that
-    of all from the structure's centre, `size` the width and height of the sensors in px, whose
-    pixels are square and fill the `sensor_width`. The steady vibration has the `components`, lens
-    distortion the first coefficient `lens_k1`; the `seed` is that of all noise and of the cameras'
-    starts. Without `markers` they are those of the thesis's beam, or in the plate's cells with a
-    fifth of their side as diameter.
+    Parameters
+    ----------
+    structure : Beam or Plate
+        What is filmed.
+    directions_deg : sequence of tuple
+        Azimuth and elevation of each camera.
+    focal_length, sensor_width : float
+        In m; the pixels are square and fill the width.
+    distance : float
+        Of all cameras from the structure's centre, m.
+    size : tuple of int
+        Width and height of the sensors in px.
+    sensor : Sensor, optional
+        Exposure, spread, noise and grey levels.
+    frame_rate : float
+        Frames per second.
+    components : tuple of Component
+        The steady vibration.
+    lens_k1 : float
+        First coefficient of the lens distortion.
+    seed : int
+        Seed of all noise and of the cameras' starts.
+    markers : Markers, optional
+        Those of the thesis's beam if not given, or in the plate's cells with a fifth of their side
+        as diameter.
     """
     angles = np.radians(directions_deg)
     rotations = pinhole.hemisphere_rotations(angles[:, 0], angles[:, 1])

@@ -51,10 +51,14 @@ def write_netcdf(
 ) -> None:
     """Write a cube as netCDF-4, whole or not at all.
 
-    If it is `compact`, what is large is compressed and rounded: to :data:`MANTISSA_BITS`, and large
-    fields to multiples of a step, the largest value being at least :data:`MIN_FIELD_STEPS` of them.
-    The `steps` are, by variable, what its values are multiples of, to store them as whole numbers.
-    The file says so itself, and any reader undoes it.
+    Parameters
+    ----------
+    compact : bool
+        Whether to compress what is large. It is then rounded: to :data:`MANTISSA_BITS`, and
+        large fields to multiples of a step, the largest value being at least
+        :data:`MIN_FIELD_STEPS` of them. The file says so itself, and any reader undoes it.
+    steps : mapping, optional
+        By variable: what its values are multiples of, to store them as whole numbers.
     """
     encoding: dict[Any, dict[str, Any]] = {}
     if compact:
