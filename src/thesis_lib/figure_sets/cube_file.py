@@ -11,7 +11,7 @@ import hashlib
 import json
 import time
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -41,14 +41,11 @@ def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
     """
     figure_set = registry.FIGURE_SETS[asked.name]
     library = code_digest(figure_set)
-
-    def compute_result(_: object = None) -> xr.Dataset:
-        return figure_set.compute(asked, scheduler)
-
     if figure_set.kept:
-        return storage.cached_study(asked, compute_result, request_key(asked), library)
+        compute = partial(figure_set.compute, scheduler=scheduler)
+        return storage.cached_study(asked, compute, request_key(asked), library)
     begun = time.perf_counter()
-    result = compute_result()
+    result = figure_set.compute(asked, scheduler)
     return schema.with_provenance(result, asked, time.perf_counter() - begun, library)
 
 
@@ -60,7 +57,7 @@ LOCK_FILE = Path("requirements", "book.txt")
 
 def source_files(figure_set: FigureSet) -> list[Path]:
     """Return the files of code and facts that can change a cube, and the lock."""
-    own = Path(import_module(figure_set.module.rpartition(".")[0]).__path__[0])
+    own = Path(import_module(figure_set.package).__path__[0])
     rooms = [PACKAGE_FOLDER / room for room in (*SCIENCE_ROOMS, *figure_set.rooms)]
     every = sorted(data_folder().iterdir())
     facts = (
@@ -90,9 +87,6 @@ def request_key(asked: Study) -> str:
     needed = [*map(request_key, figure_set.reads()), digest_of(figure_set.stored(asked))]
     text = json.dumps([asked.name, asked.digest, code_digest(figure_set), *needed])
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
 
 
 def read_cube(path: Path) -> xr.Dataset:
@@ -183,10 +177,10 @@ def _problems(cube: xr.Dataset, request: Study, errors: set[str]) -> Iterator[st
     for dim in ("setting", "mode", "trial"):
         if not cube.sizes.get(dim):
             yield f"it has no {dim}"
-    for name in (*SETTING_KEYS, "mode"):
+    for name in cubes.ROW_KEYS:
         if cube[name].dims != (("mode" if name == "mode" else "setting"),):
             yield f"its {name} is not along its dimension"
-    found = list(zip(*(cube[name].values.tolist() for name in SETTING_KEYS), strict=True))
+    found = list(zip(*(cube[name].values.tolist() for name in cubes.SETTING_KEYS), strict=True))
     asked = [(s.case, float(s.value), s.label, s.pair_order) for s in request.settings()]
     yield from _not_asked("setting", found, asked)
     modes = cube["mode"].values.tolist()

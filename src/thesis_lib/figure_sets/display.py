@@ -96,4 +96,4 @@ def list_captions(study: Study, source: str) -> Iterator[panels.Caption]:
 
 def figures_module(figure_set: str) -> ModuleType:
     """Return the module `figures` of a figure set, next to which its templates stand."""
-    return import_module(f"{FIGURE_SETS[figure_set].module.rpartition('.')[0]}.figures")
+    return import_module(f"{FIGURE_SETS[figure_set].package}.figures")

@@ -53,6 +53,14 @@ class Polygons:
     contrast: Array
 
 
+def _join_print(shapes: Sequence[Array], sensor: Sensor) -> tuple[Array, Polygons]:
+    """Join a bright outline and what is printed on it in black, of each the vertices (2, n)."""
+    contrast = np.full(len(shapes), sensor.dark - sensor.white)
+    contrast[0] = sensor.white - sensor.background
+    first = np.cumsum([0, *(shape.shape[1] for shape in shapes[:-1])])
+    return np.concatenate(shapes, axis=1), Polygons(first, contrast)
+
+
 def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
     """Return sum of the polygons' contrasts, each weighted with the share of the pixel it covers.
 
@@ -129,12 +137,7 @@ class BeamView:
             outline = _divide_sides(box, OUTLINE_STEP_M)
         else:
             outline = divide_hole(tuple(corners), OUTLINE_STEP_M).T
-        self.points = np.concatenate([outline, discs.reshape(2, -1)], axis=1)
-        n = discs.shape[1]
-        first = np.concatenate([[0], outline.shape[1] + self.VERTICES * np.arange(n)])
-        contrast = np.full(n + 1, sensor.dark - sensor.white)
-        contrast[0] = sensor.white - sensor.background
-        self.polygons = Polygons(first, contrast)
+        self.points, self.polygons = _join_print([outline, *discs.swapaxes(0, 1)], sensor)
         self.shapes = motion.shapes(self.points)
 
     def frame(self, time: float, rng: np.random.Generator | None = None) -> Image:
@@ -177,13 +180,9 @@ def render_board(
         Source of the noise; without it there is none.
     """
     shapes = [_divide_sides(vertices, 0.01) for vertices in (board.outline, *board.dark_tiles)]
-    sizes = [shape.shape[1] for shape in shapes]
-    flat = np.concatenate(shapes, axis=1)
+    flat, polygons = _join_print(shapes, sensor)
     points = np.concatenate([flat, np.zeros_like(flat[:1])])
     world = np.asarray(rotation, float) @ points + np.asarray(translation, float)[:, None]
-    contrast = np.full(len(shapes), sensor.dark - sensor.white)
-    contrast[0] = sensor.white - sensor.background
-    polygons = Polygons(np.cumsum([0, *sizes[:-1]]), contrast)
     uv = pinhole.project_points(camera, world)
     return collect_light(uv, polygons, camera.size, sensor).recorded(sensor, rng)
 

@@ -72,9 +72,9 @@ def frame_times(rig: Rig, station: Station) -> Array:
 
 
 def true_centres(rig: Rig, station: Station, times: Array) -> Array:
-    """Project the markers at some times, shape (times, 2, markers), px."""
+    """Project the markers at times (n, ...), shape (n, 2, ..., markers), px."""
     points = rig.markers.centres
-    world = on_surface(rig.markers.extent, points[:, None], rig.motion.deflection(points, times))
+    world = on_surface(rig.markers.extent, points, rig.motion.deflection(points, times))
     return np.asarray(pinhole.project_points(station.camera, world).swapaxes(0, 1))
 
 

@@ -13,32 +13,26 @@ from thesis_lib.arrays import Array
 from thesis_lib.files import shipped, whole_text
 from thesis_lib.text import RefusedError, describe_damage, one_line
 
-ERROR_VARIABLES = {  # name in the tables: variable, and plane if it has one
-    "mean_error": ("mean_error", None),
-    "max_point_error": ("max_point_error", None),
-    "plane_error_xz": ("plane_error", "XZ"),
-    "plane_error_yz": ("plane_error", "YZ"),
-    "power_error": ("power_error", None),
+_ERRORS = {  # name in the tables: variable, plane if it has one, short label, and its meaning
+    "mean_error": ("mean_error", None, "mean", "rms over the markers"),
+    "max_point_error": (
+        "max_point_error",
+        None,
+        "peak",
+        "error of the marker that is farthest off",
+    ),
+    "plane_error_xz": ("plane_error", "XZ", "XZ", "error of the pressure on that plane"),
+    "plane_error_yz": ("plane_error", "YZ", "YZ", "error of the pressure on that plane"),
+    "power_error": ("power_error", None, "power", "error of the sound power"),
 }
-SHORT_LABELS = {
-    "mean_error": "mean",
-    "max_point_error": "peak",
-    "plane_error_xz": "XZ",
-    "plane_error_yz": "YZ",
-    "power_error": "power",
-}
-LABEL_MEANINGS = {
-    "mean": "rms over the markers",
-    "peak": "error of the marker that is farthest off",
-    "XZ": "error of the pressure on that plane",
-    "YZ": "error of the pressure on that plane",
-    "power": "error of the sound power",
-}
+ERROR_VARIABLES = {name: (variable, plane) for name, (variable, plane, *_) in _ERRORS.items()}
+SHORT_LABELS = {name: label for name, (*_, label, _) in _ERRORS.items()}
 LISTED_VARIABLES = {  # by its dimension, what is compared of a cube whose results are a list
     "claim": ("claim", "verdict"),
     "quantity": ("quantity", "value", "unit"),
 }
-ROW_KEYS = ["case", "value", "label", "pair_order", "mode"]
+SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
+ROW_KEYS = [*SETTING_KEYS, "mode"]
 STATISTIC_NAMES = ["trial_0", "median", "low", "high"]
 BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
 
@@ -274,8 +268,8 @@ def _tabulate_errors(
         f"{cells(row)}{' *' if row.apart else ''}"
         for row in table[np.isfinite(table["trial_0"])].itertuples()
     ]
-    labels = [SHORT_LABELS[name] for name in dict.fromkeys(table["error"])]
-    meanings = "; ".join(f"{label}: {LABEL_MEANINGS[label]}" for label in labels)
+    errors = [_ERRORS[name] for name in dict.fromkeys(table["error"])]
+    meanings = "; ".join(f"{label}: {meaning}" for *_, label, meaning in errors)
     legend = (
         f"errors in % of the largest reference value; trial 0: {first}; * the bands do not meet; "
         f"{meanings}"
@@ -363,9 +357,9 @@ def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[s
 
 def _select_shared(cube: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Return the parts of two cubes that both have: settings, modes, lists, and first trials."""
-    keys = [name for name in ROW_KEYS if name != "mode"]
-    if all(name in one.variables for one in (cube, other) for name in keys):
-        rows = [zip(*(one[k].values.tolist() for k in keys), strict=True) for one in (cube, other)]
+    both = cube, other
+    if all(name in one.variables for one in both for name in SETTING_KEYS):
+        rows = [zip(*(one[k].values.tolist() for k in SETTING_KEYS), strict=True) for one in both]
         cube = cube.assign_coords(setting=list(map(repr, rows[0])))
         other = other.assign_coords(setting=list(map(repr, rows[1])))
     trials = slice(min(cube.sizes.get("trial", 0), other.sizes.get("trial", 0)) or None)

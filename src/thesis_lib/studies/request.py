@@ -40,6 +40,7 @@ class Study(fields.Fields):
     study: ClassVar[str]  # what is varied: distance, aperture, resolution, arrays, cameras
     varied: ClassVar[str]  # name of the varied parameter
     varied_label: ClassVar[str]
+    varied_parameters: ClassVar[dict[str, str]] = {}  # of cases in which it is not `varied`
     first: ClassVar[str] = "nominal run"  # what trial 0 is
     predicts: ClassVar[str] = "law of rounding"  # what predicted_error stands for
     draws: ClassVar[str] = "pixel-grid shifts"  # what differs from trial to trial

@@ -185,7 +185,7 @@ def study_coordinates(
     hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
     values = {
         "case": [one.case for one in settings],
-        "parameter": [study.varied] * len(settings),
+        "parameter": [study.varied_parameters.get(one.case, study.varied) for one in settings],
         "value": [float(one.value) for one in settings],
         "label": [one.label for one in settings],
         "n_cameras": [len(one.directions_deg) for one in settings],

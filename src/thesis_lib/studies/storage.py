@@ -225,15 +225,11 @@ def cached_study(
     digests of all that determines it besides the request, and of the code alone; empty if that is
     the whole library.
     """
-    path = cache_path(study, key or files.digest_of(files.library_files()))
+    determines = f"{study.name} {study.digest} {key or files.digest_of(files.library_files())}"
+    name = f"{study.name}-{hashlib.sha256(determines.encode()).hexdigest()[:16]}.nc"
+    path = files.cache_folder() / name  # which tells what determines the cube
     cube = load_or_compute(path, lambda: compute(study))
     return with_provenance(cube, study, float(cube.attrs.pop("run_time_s")), library)
-
-
-def cache_path(study: Study, key: str) -> Path:
-    """Return the file of a study's cube, whose name tells what determines the cube."""
-    name = hashlib.sha256(f"{study.name} {study.digest} {key}".encode()).hexdigest()[:16]
-    return files.cache_folder() / f"{study.name}-{name}.nc"
 
 
 def key_of(values: Any, paths: Iterable[Path] = ()) -> str:

@@ -48,6 +48,7 @@ from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration import structure as structures
 from thesis_lib.vision import rounding, simulation
+from thesis_lib.vision.pinhole import hemisphere_directions
 
 TILTS_DEG = (0, 15, 30, 45)
 WIDE_DEG, NARROW_DEG = (30, 40, 50, 60, 70, 80), (3, 5, 7, 9, 11, 13)  # half apertures, of pairs
@@ -118,15 +119,11 @@ def tilt_directions(
     >>> tilt_directions([(90.0, 60.0)], 30.0)  # cos 60°, sin 60° sin 30°, sin 60° cos 30°
     [[49.106605, 48.590378]]
     """
-    turned = []
     turn = np.radians(tilt_deg)
-    for azimuth, elevation in np.radians(list(directions_deg)):
-        x = np.cos(elevation) * np.sin(azimuth)
-        y = np.cos(elevation) * np.cos(azimuth)
-        z = np.sin(elevation)
-        y, z = y * np.cos(turn) + z * np.sin(turn), z * np.cos(turn) - y * np.sin(turn)
-        turned.append(np.degrees([np.arctan2(x, y), np.arcsin(min(z, 1.0))]).round(6).tolist())
-    return turned
+    x, y, z = hemisphere_directions(*np.radians(list(directions_deg)).T).T
+    y, z = y * np.cos(turn) + z * np.sin(turn), z * np.cos(turn) - y * np.sin(turn)
+    angles = np.degrees([np.arctan2(x, y), np.arcsin(np.minimum(z, 1.0))])
+    return angles.T.round(6).tolist()
 
 
 def _layouts(structure: str, layouts: dict[str, Any], **more: Any) -> CameraStudy:

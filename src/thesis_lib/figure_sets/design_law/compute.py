@@ -30,7 +30,6 @@ DRAWS_PER_TRIAL = 20  # for each trial, where one costs little
 MAX_PROCESSOR_DIFFERENCE = 1e-13
 
 VARIABLES = read_variables(__file__, "cube")
-COORDINATES = read_variables(__file__, "coordinates")
 
 
 def run(study: DesignLaw) -> xr.Dataset:
@@ -75,7 +74,7 @@ def run(study: DesignLaw) -> xr.Dataset:
         "shake": shares.SHAKES_PX,
         "disc": shares.DISC_DIAMETERS_PX,
     }
-    cube = xr.Dataset(coords=label_values(coords, COORDINATES))
+    cube = xr.Dataset(coords=label_values(coords, VARIABLES))
     parts = (
         _motions,
         _settings,
@@ -98,11 +97,9 @@ def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
     random = np.random.default_rng(study.seed)
     place = random.uniform(-0.5, 0.5, (DRAWS_PER_TRIAL * study.trials, 1))
     error = pinhole.pixelate(place + MOTIONS_PX) - pinhole.pixelate(place) - MOTIONS_PX
-    drawn, std = simulation.rms_with_std(error)
     return {
         "motion_error": np.sqrt(rounding.difference_variance(MOTIONS_PX)),
-        "drawn_motion_error": drawn,
-        "drawn_motion_error_std": std,
+        **sweeps.with_std("drawn_motion_error", simulation.rms_with_std(error)),
     }
 
 
@@ -152,8 +149,7 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
     return {
         "cone_error": np.sqrt(variances),
         "cone_jacobian_error": np.sqrt(np.diagonal(exact, axis1=1, axis2=2)),
-        "cone_drawn_error": [rms for rms, _ in drawn],
-        "cone_drawn_error_std": [std for _, std in drawn],
+        **sweeps.with_std("cone_drawn_error", zip(*drawn, strict=True)),
         "cone_difference": max(
             MAX_PROCESSOR_DIFFERENCE, np.max(np.abs(np.array(exact) - closed) / scale)
         ),

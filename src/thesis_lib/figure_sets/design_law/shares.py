@@ -14,7 +14,7 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
-from thesis_lib.figure_sets.design_law.sweeps import exact_rms, mode_shapes
+from thesis_lib.figure_sets.design_law.sweeps import exact_rms, mode_shapes, with_std
 from thesis_lib.vision import cone_law, dither, interval, rounding, simulation, triangulation
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
@@ -73,16 +73,14 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         "in_view": view,
         "average_error": centre,
         "frame_error": percent * law,
-        "drawn_frame_error": percent * drawn[0],
-        "drawn_frame_error_std": percent * drawn[1],
+        **with_std("drawn_frame_error", percent * drawn),
         # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
         "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
         "useful_frames": cone_law.useful_frames(
             motion[..., None] * spread_factors(MAX_FITTED_TRIALS)
         ),
         "fit_error": percent * fit,
-        "drawn_fit_error": percent * drawn_fit[0],
-        "drawn_fit_error_std": percent * drawn_fit[1],
+        **with_std("drawn_fit_error", percent * drawn_fit),
     }
 
 
@@ -178,10 +176,10 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
     settings = study.settings()[slowest :: len(study.frame_rates_hz)]
     shape = (len(settings), len(NOISES_PX))
     rules = [name.replace(" ", "-") for name in ESTIMATORS]  # as `simulation` names them
-    drawn, drawn_std = np.empty((2, *shape, len(ESTIMATORS)))
+    drawn = np.empty((2, *shape, len(ESTIMATORS)))  # rms and standard error
     least = np.zeros(shape)
     agreeing = np.empty((len(settings), len(ASSUMED_MISTAKES)))
-    mistaken, mistaken_std = np.empty((2, *agreeing.shape, len(ESTIMATORS)))
+    mistaken = np.empty((2, *agreeing.shape, len(ESTIMATORS)))
     for i, setting in enumerate(settings):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         random = np.random.default_rng([study.seed, len(rig)])
@@ -195,7 +193,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
             pixels = np.rint(images + sigma * noise) - shift
             z = simulation.estimate_points(rig.P, pixels, rules, sigma)[:, 2]
             wrong = z[:, 1] - z[:, 0] - moved
-            drawn[i, k], drawn_std[i, k] = simulation.rms_with_std(wrong.T)
+            drawn[:, i, k] = simulation.rms_with_std(wrong.T)
             if sigma:
                 variance = interval.least_covariance(rig.P, points, sigma)[2, 2].sum(axis=0)
                 least[i, k] = np.sqrt(np.mean(variance))
@@ -208,16 +206,14 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
             centre = analytic_centre(rig.P, pixels).points
             z = np.stack([triangulation.triangulate(rig.P, pixels)[2], centre[2], found.points[2]])
             wrong = z[:, 1] - z[:, 0] - moved
-            mistaken[i, k], mistaken_std[i, k] = simulation.rms_with_std(wrong.T)
+            mistaken[:, i, k] = simulation.rms_with_std(wrong.T)
             agreeing[i, k] = np.mean(found.feasible)
-    gains = 1 - drawn / drawn[..., :1]
+    gains = 1 - drawn[0] / drawn[0, ..., :1]
     return {
-        "noisy_share_error": drawn,
-        "noisy_share_error_std": drawn_std,
+        **with_std("noisy_share_error", drawn),
         "least_share_error": least,
         "equal_pixels_tolerated_noise": [[half_gain_noise(of) for of in gain.T] for gain in gains],
-        "mistaken_error": mistaken,
-        "mistaken_error_std": mistaken_std,
+        **with_std("mistaken_error", mistaken),
         "feasible_fraction": agreeing,
     }
 
@@ -239,7 +235,6 @@ RIG_NOISES_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
 NOISY_CAMERAS = 12
 WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, where a tolerance is looked for
 NOISY_LAYOUTS = 10  # layouts there
-COMPARED_ESTIMATORS = ("least-squares", "analytic-centre")
 UNEQUAL_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
 SHARP_SIZE_PX, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
 MAX_LAYOUTS, MAX_MARKERS = 30, 100  # at most
@@ -264,18 +259,13 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
         )
         for stand in UNEQUAL_DISTANCES_M
     ]
-    # what is asked for several times is drawn once: fewer layouts are the first of more
     clean = {n: crowded(n, 0.0) for n in EQUIDISTANT_COUNTS}
     noisy = [
         crowded(NOISY_CAMERAS, noise) if noise else clean[NOISY_CAMERAS] for noise in RIG_NOISES_PX
     ]
     few = min(NOISY_LAYOUTS, layouts)
-    compared = [simulation.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
     return {
-        "tolerated_noise": [
-            noise_tolerance(n, few, study.seed, errors[:few].take(compared, axis=1))
-            for n, errors in clean.items()
-        ],
+        "tolerated_noise": [noise_tolerance(n, few, study.seed) for n in EQUIDISTANT_COUNTS],
         **_name_errors("equidistant_rig_error", clean.values()),
         **_name_errors("noise_error", noisy),
         "unequal_distance_error": np.median(sharp, axis=1),  # some layouts are hopeless
@@ -284,22 +274,18 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
 
 def _name_errors(name: str, drawn: Iterable[Array]) -> dict[str, ArrayLike]:
     """Return the rms of drawn errors as a variable and their standard errors as another."""
-    found, stds = zip(*map(simulation.rms_with_std, drawn), strict=True)
-    return {name: np.array(found), f"{name}_std": np.array(stds)}
+    return with_std(name, zip(*map(simulation.rms_with_std, drawn), strict=True))
 
 
-def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = None) -> float:
+def noise_tolerance(n_cameras: int, layouts: int, seed: int) -> float:
     """Return the noise in px before the rounding that leaves the analytic centre half of its gain.
 
-    The gain is how much less than that of least squares its error is, relative to it. Errors
-    (layouts, 2) without noise are drawn unless they are given.
+    The gain is how much less than that of least squares its error is, relative to it.
     """
     stand, gains = (CROWD_DISTANCE_M,) * n_cameras, []
-    how: Any = {"seed": seed, "rules": COMPARED_ESTIMATORS}
+    how: Any = {"seed": seed, "rules": ("least-squares", "analytic-centre")}
     for noise in WITH_NOISE:
-        errors = clean
-        if noise or errors is None:
-            errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
+        errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
         least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
         if gains[-1] < gains[0] / 2:

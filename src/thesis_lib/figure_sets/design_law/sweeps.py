@@ -1,6 +1,6 @@
 """Part (c) of ``design-law``: the thesis's findings in expectation, one parameter at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -98,6 +98,11 @@ def exact_rms(cameras: CameraArray, points: Array) -> float:
     """Return the rms error in m of markers (3, 1 + modes, m), the first of which are at rest."""
     variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:])
     return float(np.sqrt(np.mean(variance)))
+
+
+def with_std(name: str, found: Iterable[ArrayLike]) -> dict[str, ArrayLike]:
+    """Name rms errors, and the standard errors that come after them, as two variables."""
+    return dict(zip((name, f"{name}_std"), found, strict=True))
 
 
 def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
@@ -202,9 +207,7 @@ def pair_errors(study: DesignLaw) -> dict[str, ArrayLike]:
         noisy[at] = cone_law.pair_noise_error(distance, focal, opening, tilt)
     return {
         "pair_error": closed,
-        "drawn_pair_error": drawn[0],
-        "drawn_pair_error_std": drawn[1],
+        **with_std("drawn_pair_error", drawn),
         "pair_noise_error": noisy,
-        "drawn_pair_noise_error": drawn_noisy[0],
-        "drawn_pair_noise_error_std": drawn_noisy[1],
+        **with_std("drawn_pair_noise_error", drawn_noisy),
     }

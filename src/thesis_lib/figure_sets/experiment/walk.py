@@ -347,11 +347,9 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
     instant, found = methods.find_maxima(data, beam.damping), []
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
-    tracks = {name: _tracks(data, name) for name in ("matched", "literal", "harmonic")}
-    tracks["aligned"] = tracks["literal"]
-    for method in ("matched", "literal", "aligned", "harmonic"):
-        own, exposure = tracks[method], data["exposure"].values
-        every, _ = methods.measure_deflection(own, instant, method, exposure)
+    tracks = {method: _tracks(data, method) for method in figure_set.METHODS}
+    for method, own in tracks.items():
+        every, _ = methods.measure_deflection(own, instant, method, data["exposure"].values)
         measured = every[MARKERS.middle_row]
         error = 100 * np.abs(measured - reference) / np.abs(reference).max()
         errors = {"mean": np.sqrt(np.nanmean(error**2)), "largest": np.nanmax(error)}

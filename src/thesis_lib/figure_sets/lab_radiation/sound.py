@@ -26,7 +26,7 @@ from thesis_lib.laboratory import tracking
 from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, settle_rig
 from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes
 from thesis_lib.measure.radiation import of_measurement, radiated
-from thesis_lib.measure.recordings.board import Markers, on_surface, rows_on
+from thesis_lib.measure.recordings.board import Markers, rows_on
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.studies.schema import read_variables
 from thesis_lib.vibration.finite_elements import SIMPLY_SUPPORTED
@@ -34,7 +34,6 @@ from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.polygons import Point
 from thesis_lib.vibration.structure import Beam, Plate, modal_coordinates, resonance_frequency
-from thesis_lib.vision import pinhole
 
 MOVING_MODES = 40  # that move
 PLATE_THICKNESS_M = 0.003  # m, of the plates
@@ -302,14 +301,11 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
 
 def _project_tracks(rig: Rig, scatter: float) -> list[tracking.TrackedCentres]:
     """Project the markers into each camera, as means over the exposure, and scatter them by px."""
-    found, markers, samples = [], rig.markers, 4
-    shapes = rig.motion.shapes(markers.centres)
+    found, samples = [], 4
     for index, station in enumerate(rig.stations):
         times = tracking.frame_times(rig, station)
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * station.sensor.exposure
-        deflected = np.tensordot(rig.motion.coordinates(times[:, None] + within), shapes, (0, 0))
-        points = on_surface(markers.extent, markers.centres[:, None, None], deflected)
-        uv = np.moveaxis(pinhole.project_points(station.camera, points).mean(axis=2), 0, 1)
+        uv = tracking.true_centres(rig, station, times[:, None] + within).mean(axis=2)
         noise = rig.generator(3, index, 0).standard_normal(uv.shape)
         found.append(tracking.TrackedCentres(times, uv + scatter * noise, uv))
     return found

@@ -26,7 +26,6 @@ ASPECT_RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
 SENSOR_SIDES = ("width", "height", "diagonal")
 
 VARIABLES = read_variables(__file__, "cube")
-COORDINATES = read_variables(__file__, "coordinates")
 
 
 def run(study: Cameras) -> xr.Dataset:
@@ -44,6 +43,13 @@ def run(study: Cameras) -> xr.Dataset:
 def focal_px(study: Cameras) -> float:
     """Return the focal length in px of the images that are not drawn."""
     return study.focal_length_mm * study.resolution_px[0] / study.sensor_width_mm
+
+
+def _aim_at_beam(study: Cameras, distances: Array) -> CameraArray:
+    """Return the cameras that look at the beam from some distances in m."""
+    angles = np.radians([[study.azimuth_deg], [study.elevation_deg]])
+    azimuth, elevation = np.broadcast_to(angles, (2, len(distances)))
+    return hemisphere_cameras(distances, azimuth, elevation, focal_px(study), study.resolution_px)
 
 
 def _coordinates(study: Cameras) -> dict[str, Any]:
@@ -67,7 +73,7 @@ def _coordinates(study: Cameras) -> dict[str, Any]:
         "f_number": study.f_numbers,
         "baseline": np.array(study.baselines_mm) / 1000,
     }
-    return label_values(values, COORDINATES)
+    return label_values(values, VARIABLES)
 
 
 def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
@@ -90,13 +96,10 @@ def _projections(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Image the markers by a pinhole and with one depth for all of them (2.1)."""
     beam = setups.thesis_beam()
     points = world_points(beam, np.zeros(beam.n_markers))
-    theta, phi = np.radians([[study.azimuth_deg], [study.elevation_deg]])
-    images, depths = [], []
-    for distance in cube["distance"].values:
-        camera = hemisphere_cameras(distance, theta, phi, focal_px(study), study.resolution_px)
-        images.append([project(camera.P, points)[0], optics.weak_perspective(camera, points)[0]])
-        depths.append(camera.R_camera_world[0, 2] @ (points - camera.centres[0][:, None]))
-    image, depth = np.array(images), np.array(depths)
+    cameras = _aim_at_beam(study, cube["distance"].values)
+    both = project(cameras.P, points), optics.weak_perspective(cameras, points)
+    image = np.stack(both, axis=1)
+    depth = (cameras.R_camera_world[:, 2:] @ (points - cameras.centres[:, :, None]))[:, 0]
     error = np.linalg.norm(image[:, 1] - image[:, 0], axis=1).max(axis=1)
     length = np.linalg.norm(image[:, 0, :, -1] - image[:, 0, :, 0], axis=1)
     shown = np.searchsorted(cube["distance"].values, cube["shown_distance"].values)
@@ -115,16 +118,13 @@ def _horizons(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     length, width = setups.thesis_beam().extent
     corners = np.array([[[-1, 1], [-1, 1]], [[-1, -1], [1, 1]], [[0, 0], [0, 0]]]) / 2
     corners = corners * np.array([length, width, 0])[:, None, None]  # coordinate, edge, end
-    theta, phi = np.radians([[study.azimuth_deg], [study.elevation_deg]])
-    points, angles = [], []
-    for distance in cube["shown_distance"].values:
-        camera = hemisphere_cameras(distance, theta, phi, focal_px(study), study.resolution_px)
-        ends = optics.append_one(np.moveaxis(project(camera.P, corners)[0], 0, -1))
-        lines = optics.join_homogeneous(ends[:, 0], ends[:, 1])
-        points.append(optics.from_homogeneous(optics.join_homogeneous(lines[0], lines[1])))
-        normals = lines[:, :2] / np.linalg.norm(lines[:, :2], axis=1, keepdims=True)
-        angles.append(np.degrees(np.arcsin(abs(np.linalg.det(normals)))))
-    return {"vanishing_point": points, "edge_angle": angles}
+    images = project(_aim_at_beam(study, cube["shown_distance"].values).P, corners)
+    ends = optics.append_one(np.moveaxis(images, 1, -1))  # distance, edge, end, coordinate
+    lines = optics.join_homogeneous(ends[:, :, 0], ends[:, :, 1])
+    normals = lines[..., :2] / np.linalg.norm(lines[..., :2], axis=-1, keepdims=True)
+    meeting = optics.from_homogeneous(optics.join_homogeneous(lines[:, 0], lines[:, 1]))
+    angle = np.degrees(np.arcsin(abs(np.linalg.det(normals))))
+    return {"vanishing_point": meeting, "edge_angle": angle}
 
 
 def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
@@ -180,8 +180,8 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Return the published quantities: one number and unit for every entry of the tables."""
     rows: list[tuple[str, float, str]] = []
 
-    def add_quantity(words: str, values: xr.DataArray, unit: str, scale: float = 1.0) -> None:
-        rows.append((words, scale * float(values), unit))
+    def add_quantity(words: str, value: xr.DataArray, unit: str) -> None:
+        rows.append((words, (1000 if unit == "mm" else 1) * float(value), unit))
 
     for sensor in study.sensors_mm:
         add_quantity(f"crop factor, {sensor}", cube["crop_factor"].sel(sensor=sensor), "1")
@@ -195,18 +195,16 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     add_quantity("largest colour error", cube["largest_colour_error"], "percent")
     add_quantity("centre shift by colour", cube["centre_shift"], "px")
     for i, N in enumerate(study.f_numbers):
-        add_quantity(f"hyperfocal distance, f/{N:g}", cube["hyperfocal_distance"][i], "mm", 1000)
+        add_quantity(f"hyperfocal distance, f/{N:g}", cube["hyperfocal_distance"][i], "mm")
     for distance in study.distances_mm:
         at, here = cube.sel(distance=round(distance / 1000, 9)), f"{distance:g} mm"
         add_quantity(f"error of one depth, {here}", at["projection_error"], "px")
         for i, N in enumerate(study.f_numbers):
             for words in ("near", "far"):
-                limit = at[f"{words}_limit"][i]
-                add_quantity(f"{words} limit, f/{N:g}, {here}", limit, "mm", 1000)
+                add_quantity(f"{words} limit, f/{N:g}, {here}", at[f"{words}_limit"][i], "mm")
         for i, b in enumerate(study.baselines_mm):
             for words, name in (("", "depth_error"), (" in whole pixels", "rounded_depth_error")):
-                error = at[name][i]
-                add_quantity(f"depth error{words}, {b:g} mm apart, {here}", error, "mm", 1000)
+                add_quantity(f"depth error{words}, {b:g} mm apart, {here}", at[name][i], "mm")
     return list_quantities(rows)
 
 

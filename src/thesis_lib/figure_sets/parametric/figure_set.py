@@ -258,16 +258,18 @@ class ShapeMarkers(PlateMarkers):
         return (*(Circle(x / 1000, y / 1000, r / 1000) for x, y, r in self.circles_mm), *cut)
 
 
-THESIS_SECTIONS = {
-    "beam": "section 3.3",
-    "plate": "section 4.2",
-    "sound": "section 6.2",
-    "shape": "section 7.1",
+_SUBJECTS: dict[str, tuple[str, str, type[BaseModel], str]] = {
+    # chapter, section of the thesis, what it adds to the parameters, function that draws
+    "beam": ("ch3", "section 3.3", BeamMarkers, "thesis_lib.plotting.panels:beam_figure"),
+    "plate": ("ch4", "section 4.2", PlateMarkers, "plate_figure"),
+    "sound": ("ch6", "section 6.2", PlateSoundStudy, "sound_figure"),
+    "shape": ("shapes", "section 7.1", ShapeMarkers, "plate_figure"),
 }
 
 
-def figure_set(subject: str, kind: type[CameraStudy], more: type[BaseModel]) -> type[CameraStudy]:
+def figure_set(subject: str, kind: type[CameraStudy]) -> type[CameraStudy]:
     """Return a study of one structure: its fields default to what the structure's tables say."""
+    _, section, more, _ = _SUBJECTS[subject]
     grid = {"grid": setups.thesis_plate().grid}
     like = "plate" if subject == "shape" else subject
     printed = {**grid, **setups.assumed_values(like), **setups.setup_table(subject, kind.study)}
@@ -287,24 +289,18 @@ def figure_set(subject: str, kind: type[CameraStudy], more: type[BaseModel]) -> 
     )
     model.subject, model.name = subject, f"{subject}-{kind.study}"
     model.title = f"{subject.title()}: {kind.title}"
-    model.section = THESIS_SECTIONS[subject]
+    model.section = section
     return model
 
 
 _STUDY_KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
-_EXTRA_FIELDS: dict[str, type[BaseModel]] = {
-    "beam": BeamMarkers,
-    "plate": PlateMarkers,
-    "sound": PlateSoundStudy,
-}
 CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study
-    for subject, extra in _EXTRA_FIELDS.items()
-    for study in (figure_set(subject, kind, extra) for kind in _STUDY_KINDS)
+    for subject in ("beam", "plate", "sound")
+    for study in (figure_set(subject, kind) for kind in _STUDY_KINDS)
 }
-
 SHAPE_STUDIES: dict[str, type[CameraStudy]] = {
-    study.name: study for study in (figure_set("shape", k, ShapeMarkers) for k in (OfL, Perforated))
+    study.name: study for study in (figure_set("shape", kind) for kind in (OfL, Perforated))
 }
 
 
@@ -313,27 +309,13 @@ def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraSt
     return validate_values({**CAMERA_STUDIES, **SHAPE_STUDIES}[name], values or {})
 
 
-CHAPTER_NAMES = {"beam": "ch3", "plate": "ch4", "shape": "shapes", "sound": "ch6"}
-FIGURE_NUMBERS = {
-    "beam": "thesis_lib.plotting.panels:beam_figure",
-    "plate": f"{__package__}.figures:plate_figure",
-    "shape": f"{__package__}.figures:plate_figure",
-    "sound": f"{__package__}.figures:sound_figure",
-}
-
-
 def camera_set(request: type[CameraStudy]) -> FigureSet:
     """Return the figure set of a camera study."""
+    chapter, _, _, figure = _SUBJECTS[request.subject]
     how: dict[str, Any] = {"module": f"{__package__}.compute", "kept": request.subject == "plate"}
     if request.subject == "sound":
         how = {"module": f"{__package__}.sound", "after": (f"plate-{request.study}",)}
-    return FigureSet(
-        request=request,
-        chapter=CHAPTER_NAMES[request.subject],
-        figure=FIGURE_NUMBERS[request.subject],
-        in_pieces=True,
-        **how,
-    )
+    return FigureSet(request=request, chapter=chapter, figure=figure, in_pieces=True, **how)
 
 
 FIGURE_SETS = [*map(camera_set, (*CAMERA_STUDIES.values(), *SHAPE_STUDIES.values()))]
