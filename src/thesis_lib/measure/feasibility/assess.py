@@ -155,7 +155,7 @@ def _predict_shape_errors(
     numbers = np.array([*shares, *needed_mm])
     if result == "response" or seen < MIN_SEEN_SHARE:
         numbers[:] = np.nan
-    return Verdict(*map(float, (*numbers, seen)), result)
+    return Verdict(*numbers.tolist(), seen=float(seen), result=result)
 
 
 def _warn(code: str, where: str, variant: str = "", /, **values: object) -> Warning:
