@@ -54,6 +54,7 @@ class Verdict:
     NaN where the manifest does not say enough, too few markers are seen, or no shape is measured.
     """
 
+    result: str  #: What is measured, as :class:`.Behaviour` has it
     compressed: float  #: With a phone's film
     lossless: float
     whole_pixels: float
@@ -61,7 +62,6 @@ class Verdict:
     compressed_from_mm: float
     lossless_from_mm: float
     seen: float  #: Share of the markers that two cameras see at least
-    result: str  #: What is measured, as :class:`.Behaviour` has it
 
     @property
     def outcome(self) -> str:
@@ -155,7 +155,7 @@ def _predict_shape_errors(
     numbers = np.array([*shares, *needed_mm])
     if result == "response" or seen < MIN_SEEN_SHARE:
         numbers[:] = np.nan
-    return Verdict(*numbers.tolist(), seen=float(seen), result=result)
+    return Verdict(result, *map(float, (*numbers, seen)))
 
 
 def _warn(code: str, where: str, variant: str = "", /, **values: object) -> Warning:
