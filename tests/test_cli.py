@@ -186,7 +186,7 @@ def test_run_writes_notebook_cube_and_page_and_tells_errors_beside_those_publish
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_another_run_takes_the_place_of_the_first_and_its_json_has_the_errors_of_the_cube(
     ran, checkout, tmp_path
 ):

@@ -38,7 +38,7 @@ ALIKE = {
     for name in sorted((one for one in PAGES if one.startswith(kind)), key=SIZES.__getitem__)[:-1]
 }
 """Pages that are made as the longest of their kind is: they are opened at night."""
-LONGEST = sorted(PAGES, key=SIZES.__getitem__)[-5:]
+LONGEST = sorted(PAGES, key=SIZES.__getitem__)[-3:]
 # Each has something that no other page has: what is seen here is on the others, too.
 ONE_OF_EACH = {
     "api/laboratory.html", "executed/beam-resolution.html", "executed/claims.html",

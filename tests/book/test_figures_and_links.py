@@ -149,7 +149,7 @@ def test_a_phone_enlarges_to_twice_the_width(chromium):
 @needs_book
 @pytest.mark.parametrize(
     ("name", "sheets"),
-    [("executed/beam-arrays", 18), ("explorer", 2)],
+    [pytest.param("executed/beam-arrays", 18, marks=pytest.mark.nightly), ("explorer", 2)],
 )
 def test_nothing_to_press_is_printed(chromium, name, sheets):
     pypdf = pytest.importorskip("pypdf", reason="sheets are counted with pypdf")

@@ -265,6 +265,7 @@ def test_without_trials_everything_is_still_shown(name, case):
 # Rendered pictures.
 
 
+@pytest.mark.nightly
 def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms):
     study = plate_study(cases=["cameras"], camera_counts=[2], modes=[3], trials=0, shot_noise=0,
                         read_noise=0, frames=8)  # fmt: skip

@@ -37,7 +37,7 @@ def test_a_pace_of_the_time_stamps_is_no_gap(conforms, tmp_path, pace):
         assert f"{rate:.2f} samples a second by its time stamps, 8000 stated" in audio.source
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_time_stamps_that_scatter_have_no_pace_of_their_own(conforms, tmp_path):
     rng = np.random.default_rng(0)
     for pace, error in ((0.0, 0.0), (5e-4, 3e-5)):

@@ -150,7 +150,7 @@ def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping()
     np.testing.assert_allclose(found["scale_deviation"], expected, rtol=0.06)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_starts_that_are_off_are_found_beyond_a_period():
     truth = beam_modes()
     late = (0.0, 0.012, -0.003, 0.0)

@@ -97,6 +97,7 @@ def test_a_steady_vibration_needs_no_sound(conforms, silent):
     assert "start of camera" not in " ".join(note.text for note in check_shape(data))
 
 
+@pytest.mark.nightly
 def test_a_pose_that_no_camera_can_use_is_left_out(silent):
     """By the calibration that the measurement has stored, if it ran before."""
     _, manifest = silent

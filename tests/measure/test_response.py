@@ -245,7 +245,7 @@ def test_a_sweep_is_found_in_the_force_and_dwells_until_a_resonance_settles():
 # Clocks.
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, averaged):
     """As far apart after half a minute as by 30 ppm after five; and a start 4 ms late."""
     middle, fast = float(driven.recordings[0].times.mean()), 3e-4

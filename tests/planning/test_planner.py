@@ -450,7 +450,7 @@ def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.usefixtures("interrupts_ignored")
 def test_interrupted_command_leaves_nothing_half_written(checkout, start, tmp_path):
     words = ["-p", "counts=[2,12,24]", "-p", "starts=50", "-p", "body=plate"]

@@ -32,7 +32,7 @@ def test_refinement_pays_where_distances_differ(conforms):
     conforms.independent(found[REFINED] / found[LINEAR], refined / linear, atol=0.08)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_refinement_gains_nothing_at_equal_distances(conforms):
     errors = np.median(deflection_errors([0.75] * 4, layouts=200), axis=0)
     conforms.sampled(errors[REFINED] / errors[LINEAR], 1, atol=0.01)

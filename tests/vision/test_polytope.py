@@ -154,7 +154,7 @@ def test_errors_are_those_of_an_independent_prototype(conforms, n, least_squares
     assert found[3] < found[2]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_pixel_noise_takes_the_gain_away(conforms):
     gain = []
     for noise in (0.0, 0.1, 0.3):
