@@ -88,7 +88,10 @@ def identify_modes(
             poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
             given = tuple(poles.rates[:, 1] / (2 * np.pi))
         found = motions.estimate_shapes(own, blocks, poles, rest)
-        noise = [fits.residual_scatter(block, poles.rates) for block in blocks]
+        noise = []
+        for block in blocks:
+            B = fits.pole_columns(block.times, poles.rates)
+            noise.append(fits.residual_scatter(block, B, fits.fit_known(B, block)[0]))
         if turn == OUTLIER_ROUNDS:
             break
         more, lag_deviation = motions.camera_lags(found, poles)

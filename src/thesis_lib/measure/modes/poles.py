@@ -118,17 +118,22 @@ def _moments(B: Array, C: Array, seen: Array) -> Array:
     return np.asarray(np.einsum("ti,tj,tp->pij", B, C, seen, optimize=True), float)
 
 
+def subtract_fit(block: TrackBlock, B: Array, fit: Array) -> Array:
+    """Subtract a fit of columns from the values, (frames, series); 0 where missing."""
+    return np.where(block.known, block.values - B @ fit, 0.0)
+
+
 def left_of(block: TrackBlock, rates: Array) -> Array:
     """Subtract the best fit of some poles from the values, (frames, series); 0 where missing."""
     B = pole_columns(block.times, rates)
-    return np.where(block.known, block.values - B @ fit_known(B, block)[0], 0.0)
+    return subtract_fit(block, B, fit_known(B, block)[0])
 
 
-def residual_scatter(block: TrackBlock, rates: Array) -> Array:
-    """Estimate the scatter of each series about the best fit of poles, px; NaN if hardly seen."""
-    freedom = block.known.sum(axis=0) - (1 + rates.size)
+def residual_scatter(block: TrackBlock, B: Array, fit: Array) -> Array:
+    """Estimate the scatter of each series about a fit of columns, px; NaN if hardly seen."""
+    freedom = block.known.sum(axis=0) - B.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(np.sum(left_of(block, rates) ** 2, axis=0) / freedom)
+        sigma = np.sqrt(np.sum(subtract_fit(block, B, fit) ** 2, axis=0) / freedom)
     return np.asarray(np.where(freedom >= 2, sigma, np.nan) * block.scale, float)
 
 
@@ -146,7 +151,7 @@ def equations_of(block: TrackBlock, rates: Array) -> Equations:
     """Set up the equations of one camera at some poles."""
     B, (seen, of) = pole_columns(block.times, rates), block.patterns
     fit, inverse = fit_known(B, block)
-    left = np.where(block.known, block.values - B @ fit, 0.0)
+    left = subtract_fit(block, B, fit)
     tB = B * block.times[:, None]
     mix = np.zeros((len(of), len(fit), rates.size))  # tB @ mix is the derivative of a series' fit
     for k in range(len(rates)):

@@ -78,12 +78,12 @@ def without_strays(track: Track, places: Array) -> Track:
 
 def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places: Array) -> Track:
     """Return the track without centres whose residuals differ from their neighbours'."""
-    known = block.known
+    B, known = fits.pole_columns(block.times, rates), block.known
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * scipy.spatial.KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(MAX_LOOKS):
-        left = fits.left_of(replace(block, known=known), rates)
+        left = block.values - B @ fits.fit_known(B, replace(block, known=known))[0]
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = find_strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
@@ -160,8 +160,9 @@ def mode_images(
 ) -> list[harmonics.Harmonics]:
     """Return each mode in one camera's images, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
-    fit, inverse = fits.fit_known(fits.pole_columns(block.times, poles.rates), block)
-    sigma = fits.residual_scatter(block, poles.rates).reshape(2, markers)
+    B = fits.pole_columns(block.times, poles.rates)
+    fit, inverse = fits.fit_known(B, block)
+    sigma = fits.residual_scatter(block, B, fit).reshape(2, markers)
     fit = fit * block.scale
     found = []
     for k, rate in enumerate(poles.rates):
