@@ -146,9 +146,7 @@ def _describe_option(cube: xr.Dataset, index: int) -> dict[str, Any]:
     )
     errors = f"{error} % predicted, {simulated} % simulated, in the worst mode."
     words = f"{label} at {float(one['frame_rate']):g} Hz: {errors}"
-    table = camera_table(cube, index)
-    cameras = list(csv.DictReader(table.splitlines()))
-    return {"label": label, "words": words, "table": table, "cameras": cameras}
+    return {"label": label, "words": words, "table": camera_table(cube, index)}
 
 
 def _finite(points: Array) -> Array:

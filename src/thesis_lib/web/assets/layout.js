@@ -12,6 +12,10 @@ const COLUMNS = [ // of the table, with what stands in them
   ["focal length", (row) => `${row.focal_length_mm} mm`],
   ["pixels", (row) => `${row.width_px} × ${row.height_px}`],
 ];
+function rowsOf(csv) { // with a header, as objects
+  const [header, ...rows] = csv.trim().split("\n").map((line) => line.split(","));
+  return rows.map((row) => Object.fromEntries(row.map((value, i) => [header[i], value])));
+}
 
 function render({ model, el }) {
   const { plans, tints } = model.get("data"), view = { azimuth: 155, elevation: 28 };
@@ -42,7 +46,7 @@ function render({ model, el }) {
     fill(panel.canvas, { role: "img",
       "aria-label": `Cameras of the plan: ${option.label}. Arrow keys rotate.` });
     const head = ["camera", ...COLUMNS.map(([name]) => name)];
-    const body = option.cameras.map((row, n) => html("tr", {},
+    const body = rowsOf(option.table).map((row, n) => html("tr", {},
       html("th", { scope: "row" }, `${n + 1}`),
       COLUMNS.map(([, valueOf]) => html("td", {}, valueOf(row)))));
     table.replaceChildren(html("caption", {}, `${plan.name}: ${option.label}`),
@@ -57,7 +61,7 @@ function render({ model, el }) {
     const width = panel.node.clientWidth || 480, { centre, outline, markers } = plan;
     const height = heightOf(width) * (width < 420 ? 0.85 : 1.1);
     const away = (place) => plus(place, times(centre, -1));
-    const placesOf = (one) => one.cameras.map((row) =>
+    const placesOf = (one) => rowsOf(one.table).map((row) =>
       away([row.x_mm / 1000, row.y_mm / 1000, row.z_mm / 1000]));
     const all = [...plan.options.flatMap(placesOf), ...outline.map(away)];
     const heights = [0, ...all.map((v) => v[2])], low = Math.min(...heights);
