@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from thesis_lib import load_name
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.structure import (
     Beam,
@@ -31,8 +32,4 @@ __all__ = ["Beam", "Component", "Motion", "Panel", "Plate", "Structure", "deflec
 
 def __getattr__(name: str) -> Any:
     """Import a panel when it is asked for: it needs SciPy, which the others do not."""
-    if name == "Panel":
-        from thesis_lib.vibration.panel import Panel
-
-        return Panel
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return load_name(__name__, {"panel": "Panel"}, name)

@@ -235,6 +235,7 @@ RIG_NOISES_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
 NOISY_CAMERAS = 12
 WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, where a tolerance is looked for
 NOISY_LAYOUTS = 10  # layouts there
+COMPARED_ESTIMATORS = ("least-squares", "analytic-centre")
 UNEQUAL_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
 SHARP_SIZE_PX, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
 MAX_LAYOUTS, MAX_MARKERS = 30, 100  # at most
@@ -259,13 +260,18 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
         )
         for stand in UNEQUAL_DISTANCES_M
     ]
+    # what is asked for several times is drawn once: fewer layouts are the first of more
     clean = {n: crowded(n, 0.0) for n in EQUIDISTANT_COUNTS}
     noisy = [
         crowded(NOISY_CAMERAS, noise) if noise else clean[NOISY_CAMERAS] for noise in RIG_NOISES_PX
     ]
     few = min(NOISY_LAYOUTS, layouts)
+    compared = [simulation.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
     return {
-        "tolerated_noise": [noise_tolerance(n, few, study.seed) for n in EQUIDISTANT_COUNTS],
+        "tolerated_noise": [
+            noise_tolerance(n, few, study.seed, errors[:few].take(compared, axis=1))
+            for n, errors in clean.items()
+        ],
         **_name_errors("equidistant_rig_error", clean.values()),
         **_name_errors("noise_error", noisy),
         "unequal_distance_error": np.median(sharp, axis=1),  # some layouts are hopeless
@@ -277,15 +283,18 @@ def _name_errors(name: str, drawn: Iterable[Array]) -> dict[str, ArrayLike]:
     return with_std(name, zip(*map(simulation.rms_with_std, drawn), strict=True))
 
 
-def noise_tolerance(n_cameras: int, layouts: int, seed: int) -> float:
+def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = None) -> float:
     """Return the noise in px before the rounding that leaves the analytic centre half of its gain.
 
-    The gain is how much less than that of least squares its error is, relative to it.
+    The gain is how much less than that of least squares its error is, relative to it. Errors
+    (layouts, 2) without noise are drawn unless they are given.
     """
     stand, gains = (CROWD_DISTANCE_M,) * n_cameras, []
-    how: Any = {"seed": seed, "rules": ("least-squares", "analytic-centre")}
+    how: Any = {"seed": seed, "rules": COMPARED_ESTIMATORS}
     for noise in WITH_NOISE:
-        errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
+        errors = clean
+        if noise or errors is None:
+            errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
         least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
         if gains[-1] < gains[0] / 2:

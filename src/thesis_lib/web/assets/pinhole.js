@@ -50,8 +50,11 @@ export function pixelate(uv) { // within 1e-9 px of a half counts as that half
 
 // Share of the images that lie on the sensor.
 export function inView(uv, [width, height], n) {
-  const count = uv.length / (2 * n), isU = (i) => Math.floor(i / count) % 2 === 0;
-  const isIn = (value, most) => value >= 0 && value <= most;
-  const inside = uv.filter((u, i) => isU(i) && isIn(u, width) && isIn(uv[i + count], height));
-  return inside.length / (n * count);
+  const count = uv.length / (2 * n);
+  let inside = 0;
+  for (let i = 0; i < n; i += 1) for (let p = 0; p < count; p += 1) {
+    const u = uv[2 * i * count + p], v = uv[(2 * i + 1) * count + p];
+    if (u >= 0 && u <= width && v >= 0 && v <= height) inside += 1;
+  }
+  return inside / (n * count);
 }
