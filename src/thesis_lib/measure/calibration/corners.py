@@ -219,6 +219,7 @@ _LARGE_TILE_PX = 100.0  # corners of larger tiles are first fitted on a reduced 
 _MAX_STEPS = 8
 _CONVERGED_PX = 1e-4  # change of all corners below which the fit stops: 5e-6 px are left then
 _REFINEMENT_ROUNDS = 3  # curvatures, and starts of corners that strayed, come from the round before
+_SETTLED_PX = 0.02  # change of all corners in a round below which another moves them by 1e-4 px rms
 
 
 def find_corners(image: Image, board: Board) -> Array:
@@ -345,8 +346,10 @@ def _refine_grid(
         astray = np.linalg.norm(grid - smooth, axis=0) > _MAX_FITTED_OFFSET * _corner_spacing(grid)
         start = np.where(astray, smooth, grid)
         state, misfit, asymmetry = _fit_corners(image, start, seen, beside)
-        grid = start.copy()
+        before, grid = grid, start.copy()
         grid[:, seen] = state[:2]
+        if np.abs(grid - before).max() < _SETTLED_PX:
+            break
     return grid, start, state, misfit, asymmetry
 
 
@@ -368,11 +371,13 @@ def _fit_corners(
     state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
     pattern = _model_edges(pixels, state, bend)[0] - centre[:, None]
     state[5] *= np.sign(np.sum(weight * pattern * (grey - centre[:, None]), axis=1))
+    used = weight.any(axis=0)  # in the window of any corner
+    near, inside, seen_grey = pixels[:, :, used], weight[:, used], grey[:, used]
     for _ in range(_MAX_STEPS):
-        model, J = _model_edges(pixels, state, bend)
-        A = J * weight
+        model, J = _model_edges(near, state, bend)
+        A = J * inside
         normal = np.einsum("ipn,jpn->pij", A, J, optimize=True)
-        right = np.einsum("ipn,pn->pi", A, grey - model)
+        right = np.einsum("ipn,pn->pi", A, seen_grey - model)
         scale = np.sqrt(np.einsum("pii->pi", normal)) + 1e-12
         normal /= scale[:, :, None] * scale[:, None, :]
         normal += 1e-9 * np.eye(7)
