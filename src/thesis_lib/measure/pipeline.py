@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
@@ -191,16 +192,18 @@ def measure_shape(
     seen = figures.collect_diagnostics(data, moved, manifest, inputs.recordings)
     radiated, sound = _radiate(data, manifest)
     report = build.build_shape(data, seen, manifest, firsts, sound)
-    with _results_folder(out, report, say) as part:
+    own, slow = inputs.recordings[0], min(1.0, 1 / (2 * float(data["frequency"])))
+    rings = animation.draw_tracks(own, videos[0], float(data["steady"][0]))
+    with _results_folder(out, report, say) as part, ThreadPoolExecutor(1) as thread:
+        # Slowed so that a period of the vibration takes two seconds at least
+        film = part / "tracked.mp4", rings, max(slow * own.rate, 1.0)
+        filmed = thread.submit(animation.write_mp4, *film)  # next to all else
         storage.write_netcdf(data, part / "measured.nc")
         storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, data, moved, inputs.recordings)
         animation.write_shape(part / "shape", data)
-        own, slow = inputs.recordings[0], min(1.0, 1 / (2 * float(data["frequency"])))
-        rings = animation.draw_tracks(own, videos[0], float(data["steady"][0]))
-        # Slowed so that a period of the vibration takes two seconds at least
-        animation.write_mp4(part / "tracked.mp4", rings, max(slow * own.rate, 1.0))
+        filmed.result()
         if radiated is not None:
             write_sound(part, radiated)
         report.write(part)
