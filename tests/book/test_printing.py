@@ -22,9 +22,9 @@ ESM = "export default { render({ el }) { el.textContent = 'alive'; } };"
 
 
 def needs_pdf(test):
-    """Mark a test that reads the printed book."""
+    """Mark a test that reads the printed book, which takes minutes to make."""
     printed = pytest.mark.skipif(not PDF.is_file(), reason="no PDF in build: `make pdf` first")
-    return pytest.mark.book(printed(test))
+    return pytest.mark.nightly(printed(test))
 
 
 def test_widgets_give_way_to_a_line_that_says_where_they_are():
