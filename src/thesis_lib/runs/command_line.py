@@ -6,8 +6,10 @@ are figure sets, parameters, folders and workers.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import errno
+import gc
 import hashlib
 import logging
 import os
@@ -101,6 +103,7 @@ def isolate_process() -> None:
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())
     sys.unraisablehook = threading.excepthook = _ignore_error
+    atexit.register(gc.freeze)  # else Python searches all it has imported for cycles, for a second
     for number in _HANDLED_SIGNALS[1:]:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)
