@@ -219,7 +219,6 @@ _LARGE_TILE_PX = 100.0  # corners of larger tiles are first fitted on a reduced 
 _MAX_STEPS = 8
 _CONVERGED_PX = 1e-4  # change of all corners below which the fit stops: 5e-6 px are left then
 _REFINEMENT_ROUNDS = 3  # curvatures, and starts of corners that strayed, come from the round before
-_SETTLED_PX = 0.02  # change of all corners in a round below which another moves them by 1e-4 px rms
 
 
 def find_corners(image: Image, board: Board) -> Array:
@@ -346,10 +345,8 @@ def _refine_grid(
         astray = np.linalg.norm(grid - smooth, axis=0) > _MAX_FITTED_OFFSET * _corner_spacing(grid)
         start = np.where(astray, smooth, grid)
         state, misfit, asymmetry = _fit_corners(image, start, seen, beside)
-        before, grid = grid, start.copy()
+        grid = start.copy()
         grid[:, seen] = state[:2]
-        if np.abs(grid - before).max() < _SETTLED_PX:
-            break
     return grid, start, state, misfit, asymmetry
 
 

@@ -17,7 +17,7 @@ import scipy
 import xarray as xr
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_harmonics
+from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_harmonics, sums_of
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.triangulation import image_jacobian
 
@@ -137,7 +137,7 @@ def _fit_parts(
             t, uv = own.read_tracks(low, high)
             if not len(t):
                 continue
-            fit = fit_harmonics(omega, t, uv, order)
+            fit = sums_of(omega, t, uv, order).solve()
             amplitudes.append((fit.coefficients[1] - 1j * fit.coefficients[2]).ravel())
             times.append(0.5 * (low + high))
         if len(amplitudes) < 3:
