@@ -19,6 +19,8 @@ function rowsOf(csv) { // with a header, as objects
 
 function render({ model, el }) {
   const { plans, tints } = model.get("data"), view = { azimuth: 155, elevation: 28 };
+  const camerasOf = new Map(plans.flatMap((one) => one.options)
+    .map((one) => [one, rowsOf(one.table)])); // read once, not at each turn
   const panel = figure("a", svg("svg"), "");
   const words = html("p", { class: "tl-summary", "aria-live": "polite" });
   const table = html("table", { class: "tl-cameras" });
@@ -46,7 +48,7 @@ function render({ model, el }) {
     fill(panel.canvas, { role: "img",
       "aria-label": `Cameras of the plan: ${option.label}. Arrow keys rotate.` });
     const head = ["camera", ...COLUMNS.map(([name]) => name)];
-    const body = rowsOf(option.table).map((row, n) => html("tr", {},
+    const body = camerasOf.get(option).map((row, n) => html("tr", {},
       html("th", { scope: "row" }, `${n + 1}`),
       COLUMNS.map(([, valueOf]) => html("td", {}, valueOf(row)))));
     table.replaceChildren(html("caption", {}, `${plan.name}: ${option.label}`),
@@ -61,7 +63,7 @@ function render({ model, el }) {
     const width = panel.node.clientWidth || 480, { centre, outline, markers } = plan;
     const height = heightOf(width) * (width < 420 ? 0.85 : 1.1);
     const away = (place) => plus(place, times(centre, -1));
-    const placesOf = (one) => rowsOf(one.table).map((row) =>
+    const placesOf = (one) => camerasOf.get(one).map((row) =>
       away([row.x_mm / 1000, row.y_mm / 1000, row.z_mm / 1000]));
     const all = [...plan.options.flatMap(placesOf), ...outline.map(away)];
     const heights = [0, ...all.map((v) => v[2])], low = Math.min(...heights);
