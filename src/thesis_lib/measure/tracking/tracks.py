@@ -66,15 +66,18 @@ class Recording:
     def parts(self, begin: float, end: float) -> Iterator[tuple[Array, Array]]:
         """Yield times (n,) in s and undistorted centres (n, 2, markers), some frames at once."""
         first, last = self.between(begin, end)
+        times, centres = self.times, self.centres
         for start in range(first, last, CHUNK_FRAMES):
             stop = min(start + CHUNK_FRAMES, last)
-            uv = undistort_tracks(self.camera, self.centres[start:stop])
-            yield self.times[start:stop], uv
+            yield times[start:stop], undistort_tracks(self.camera, centres[start:stop])
 
     def read_tracks(self, begin: float, end: float) -> tuple[Array, Array]:
         """Return times (n,) in s and undistorted centres (n, 2, markers), all frames at once."""
         first, last = self.between(begin, end)
-        return self.times[first:last], undistort_tracks(self.camera, self.centres[first:last])
+        # Undistorted some frames at once: it takes a dozen arrays as large as what it is given.
+        parts = [self.centres[:0], *(uv for _, uv in self.parts(begin, end))]
+        images = np.concatenate([uv.swapaxes(0, 1) for uv in parts], axis=1)
+        return self.times[first:last], images.swapaxes(0, 1)
 
 
 def record_track(
