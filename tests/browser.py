@@ -163,7 +163,7 @@ def open_offline(
         page.evaluate("() => window.MathJax?.startup?.promise")
         page.wait_for_timeout(100)
         yield opened
-        assert opened.trouble == []
+        assert opened.trouble == [], opened.trouble
         in_order = not fresh and kind not in windows
     finally:
         if in_order:
@@ -196,9 +196,13 @@ def _window(running, touch, server):
         if response.status >= 400:
             opened.failed.append(f"{response.status}: {response.url}")
 
-    page, failed = opened.page, opened.failed
+    def on_failure(request):
+        if request.failure != "net::ERR_ABORTED":  # it was not left while it loaded
+            opened.failed.append(f"failed: {request.url}: {request.failure}")
+
+    page = opened.page
     page.on("request", on_request)
-    page.on("requestfailed", lambda one: failed.append(f"failed: {one.url}: {one.failure}"))
+    page.on("requestfailed", on_failure)
     page.on("console", on_message)
     page.on("response", on_response)
     page.on("pageerror", lambda error: opened.console.append(f"page error: {error}"))
