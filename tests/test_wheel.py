@@ -136,6 +136,7 @@ def test_what_needs_a_clone_says_so(reader):
     assert reader.written() == before
 
 
+@pytest.mark.nightly
 def test_a_run_is_the_one_of_a_clone(reader, run):
     cube, page = run / f"{NAME}.nc", run / f"{NAME}.html"
     made_by = storage.open_netcdf(cube).attrs

@@ -118,6 +118,7 @@ def test_the_sound_is_the_force_at_the_camera_s_own_start(conforms, rig):
 # What is written.
 
 
+@pytest.mark.nightly
 def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordings, rig):
     manifest = read_manifest(recordings / "manifest.yaml")
     assert manifest == manifest_of(rig)
@@ -136,6 +137,7 @@ def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordi
 # What is measured.
 
 
+@pytest.mark.nightly
 def test_cameras_delays_and_markers_are_the_true_ones(conforms, truth):
     conforms.closed_form(np.abs(truth["focal_error_single"]).max(), below=0.2)
     conforms.closed_form(np.abs(truth["focal_error_full"]).max(), below=0.03)
@@ -151,6 +153,7 @@ def test_cameras_delays_and_markers_are_the_true_ones(conforms, truth):
     conforms.closed_form(float(truth["centre_error"][0]), below=0.02)
 
 
+@pytest.mark.nightly
 def test_the_force_is_the_one_that_moves_the_beam(conforms, measured, rig):
     assert float(measured["frequency"]) == 4.25
     begin, end = measured["steady"].values
@@ -165,6 +168,7 @@ def test_the_force_is_the_one_that_moves_the_beam(conforms, measured, rig):
     conforms.closed_form(abs(found / force - 1), below=0.003)
 
 
+@pytest.mark.nightly
 def test_the_grid_at_rest_is_the_nominal_one_and_at_zero_within_noise(conforms, measured, rig):
     cameras = chain.read_cameras(measured, "full")
     own = np.arange(measured.sizes["frame"]) / 60

@@ -374,7 +374,7 @@ def read_curves(folder):
     return [one for one in sets if one["type"] == 58]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_curves_go_to_a_report_and_files(driven, tmp_path):
     of, said = Recorded(SILENT, calibration_of(driven.recordings), driven.recordings), []
     page = measure_motion(driven.asked(), driven.folder, of, tmp_path, said.append)

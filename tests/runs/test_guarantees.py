@@ -133,8 +133,7 @@ def apart(tmp_path_factory):
 # Killed.
 
 
-@pytest.mark.slow
-@pytest.mark.few(1)
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", range(3))
 @pytest.mark.usefixtures("restored")
 def test_a_book_killed_at_any_moment_gives_the_same_cubes_when_called_again(book, number):
