@@ -197,7 +197,7 @@ def _window(running, touch, server):
             opened.failed.append(f"{response.status}: {response.url}")
 
     def on_failure(request):
-        if request.failure != "net::ERR_ABORTED":  # it was not left while it loaded
+        if request.failure != "net::ERR_ABORTED":  # as when its page is left
             opened.failed.append(f"failed: {request.url}: {request.failure}")
 
     page = opened.page

@@ -155,7 +155,7 @@ def test_page_is_whole(chromium, name):
             assert not re.search(r"\.(svg|png)$", alt), source
         assert_it_fits(opened, 1280)
         assert not name.startswith("executed/") or choose(opened.page)
-        assert_it_fits(opened, 320)
+        assert_it_fits(opened, 390, 320)
         assert said_by_us(opened) == []
 
 
