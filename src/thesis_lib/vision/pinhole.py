@@ -274,9 +274,20 @@ def undistort_pixels(camera: Camera, uv: ArrayLike) -> Array:
     return to_pixels(camera.K, undistort_coordinates(from_pixels(camera.K, uv), camera.distortion))
 
 
+_BLOCK_FRAMES = 512  # of tracks that are undistorted at once
+
+
 def undistort_tracks(camera: Camera, tracks: ArrayLike) -> Array:
-    """Remove the distortion of tracks: pixels (frames, 2, markers)."""
-    return undistort_pixels(camera, np.asarray(tracks, float).swapaxes(0, 1)).swapaxes(0, 1)
+    """Remove the distortion of tracks: pixels (frames, 2, markers).
+
+    Some frames at once: each step takes a dozen arrays as large as what it is given.
+    """
+    images = np.asarray(tracks, float).swapaxes(0, 1)
+    found = np.empty(images.shape)
+    for start in range(0, images.shape[1], _BLOCK_FRAMES):
+        part = slice(start, start + _BLOCK_FRAMES)
+        found[:, part] = undistort_pixels(camera, images[:, part])
+    return found.swapaxes(0, 1)
 
 
 def distort_pixels(camera: Camera, uv: ArrayLike) -> Array:

@@ -74,10 +74,7 @@ class Recording:
     def read_tracks(self, begin: float, end: float) -> tuple[Array, Array]:
         """Return times (n,) in s and undistorted centres (n, 2, markers), all frames at once."""
         first, last = self.between(begin, end)
-        # Undistorted some frames at once: it takes a dozen arrays as large as what it is given.
-        parts = [self.centres[:0], *(uv for _, uv in self.parts(begin, end))]
-        images = np.concatenate([uv.swapaxes(0, 1) for uv in parts], axis=1)
-        return self.times[first:last], images.swapaxes(0, 1)
+        return self.times[first:last], undistort_tracks(self.camera, self.centres[first:last])
 
 
 def record_track(
