@@ -13,13 +13,13 @@ from thesis_lib import files
 from thesis_lib.acoustics.planes import full_factor, plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import claims, setups
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric import compute as studies, sound
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.selection import viewer_data
-from thesis_lib.studies import storage as studies_cache
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 from thesis_lib.vision import rounding
@@ -258,10 +258,8 @@ def test_most_stated_plane_errors_of_chapter_6_are_met(conforms):
 
 
 def test_deflections_are_computed_once_for_parameters_and_library(tmp_path, monkeypatch):
-    library, computed, run = tmp_path / "library.py", [], studies.run
-    library.write_text("one")
+    computed, run = [], studies.run
     monkeypatch.setattr(files, "cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr(files, "library_files", lambda: [library])
 
     def counting(study, *more, **values):
         computed.append(study.name)
@@ -280,8 +278,8 @@ def test_deflections_are_computed_once_for_parameters_and_library(tmp_path, monk
     other = notebook.study("plate-distance", {**values, "seed": 1})
     assert sound.deflection_checksum(other) != sound.deflection_checksum(plate)
     assert len(computed) == 2
-    library.write_text("two")
-    studies_cache.cached_study(validate_request("plate-distance", values), studies.run)
+    monkeypatch.setattr(cube_file, "code_digest", lambda _: "of another library")
+    notebook.study("plate-distance", values)
     assert len(computed) == 3
 
 

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from thesis_lib import files
 from thesis_lib.facts.setups import data_folder
 from thesis_lib.figure_sets import registry
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.files import digest_of, folder_files, shipped, workplace
 from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.request import ParameterError, Study
 from thesis_lib.text import one_line
@@ -40,13 +40,16 @@ def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
         (:func:`thesis_lib.studies.workers.check_address`); empty computes here.
     """
     figure_set = registry.FIGURE_SETS[asked.name]
-    library = code_digest(figure_set)
-    if figure_set.kept:
-        compute = partial(figure_set.compute, scheduler=scheduler)
-        return storage.cached_study(asked, compute, request_key(asked), library)
-    begun = time.perf_counter()
-    result = figure_set.compute(asked, scheduler)
-    return schema.with_provenance(result, asked, time.perf_counter() - begun, library)
+    library, compute = code_digest(figure_set), partial(figure_set.compute, asked, scheduler)
+    if figure_set.kept:  # under a name that tells what determines the cube
+        name = f"{asked.name}-{request_key(asked)[:16]}.nc"
+        result = storage.load_or_compute(files.cache_folder() / name, compute)
+        seconds = float(result.attrs.pop("run_time_s"))
+    else:
+        begun = time.perf_counter()
+        result = compute()
+        seconds = time.perf_counter() - begun
+    return schema.with_provenance(result, asked, seconds, library)
 
 
 PACKAGE_FOLDER = Path(__file__).parents[1]
@@ -59,16 +62,15 @@ def source_files(figure_set: FigureSet) -> list[Path]:
     """Return the files of code and facts that can change a cube, and the lock."""
     own = Path(import_module(figure_set.package).__path__[0])
     rooms = [PACKAGE_FOLDER / room for room in (*SCIENCE_ROOMS, *figure_set.rooms)]
-    every = sorted(data_folder().iterdir())
-    facts = (
-        every if "ledger" in figure_set.rooms else [one for one in every if one.name in FACT_FILES]
-    )
+    facts = sorted(data_folder().iterdir())
+    if "ledger" not in figure_set.rooms:
+        facts = [one for one in facts if one.name in FACT_FILES]
     code = [
         path
-        for path in folder_files([*rooms, own])
+        for path in files.folder_files([*rooms, own])
         if path.suffix == ".py" or path.name == schema.VARIABLES_FILE
     ]
-    return [*code, *facts, shipped() / LOCK_FILE]
+    return [*code, *facts, files.shipped() / LOCK_FILE]
 
 
 @cache
@@ -77,14 +79,14 @@ def code_digest(figure_set: FigureSet) -> str:
 
     It is that of the files when this process first asked, as what it has imported is, too.
     """
-    own = digest_of(source_files(figure_set))
+    own = files.digest_of(source_files(figure_set))
     return hashlib.sha256(f"{own} {storage.package_versions()}".encode()).hexdigest()
 
 
 def request_key(asked: Study) -> str:
     """Return the digest of all that determines the cube of a request, others' included."""
     figure_set = registry.FIGURE_SETS[asked.name]
-    needed = [*map(request_key, figure_set.reads()), digest_of(figure_set.stored(asked))]
+    needed = [*map(request_key, figure_set.reads()), files.digest_of(figure_set.stored(asked))]
     text = json.dumps([asked.name, asked.digest, code_digest(figure_set), *needed])
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -122,14 +124,15 @@ def rename_variables(cube: xr.Dataset) -> xr.Dataset:
     """Return a cube with today's names of variables and dimensions, if it is of version 0."""
     if "thesis_lib 0." not in str(cube.attrs.get("source", "")):
         return cube
-    renamed = json.loads((shipped() / "data/published/renamed-variables.json").read_text("utf-8"))
+    table = files.shipped() / "data" / "published" / "renamed-variables.json"
+    renamed = json.loads(table.read_text(encoding="utf-8"))
     names = {*map(str, cube.variables), *map(str, cube.dims)}
     return cube.rename({old: new for old, new in renamed.items() if old in names})
 
 
 def read_built(study: Study) -> xr.Dataset | str:
     """Return the cube of the last ``thesis book``, or in one line why there is none to judge by."""
-    return read_usable(workplace() / "data" / "results" / f"{study.name}.nc", study)
+    return read_usable(files.workplace() / "data" / "results" / f"{study.name}.nc", study)
 
 
 def read_usable(path: Path, study: Study) -> xr.Dataset | str:

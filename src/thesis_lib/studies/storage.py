@@ -28,8 +28,6 @@ import xarray as xr
 
 from thesis_lib import files
 from thesis_lib.studies.cubes import CubeError
-from thesis_lib.studies.request import Study
-from thesis_lib.studies.schema import with_provenance
 from thesis_lib.text import aside
 
 HELD_BYTES = 64 * 2**20  # that a small file of someone else may fill of the memory
@@ -214,22 +212,6 @@ def load_or_compute(
     digests = "".join(f"{files.sha256(one)}\n" for one in stored)
     files.whole_text(_digest(path), digests)  # trusted from now on
     return open_netcdf(path)
-
-
-def cached_study(
-    study: Study, compute: Callable[[Any], xr.Dataset], key: str = "", library: str = ""
-) -> xr.Dataset:
-    """Return a study's cube, computed once for its parameters and the code that it rests on.
-
-    Notebooks that need the same cube share it through ``build/cache``. `key` and `library` are
-    digests of all that determines it besides the request, and of the code alone; empty if that is
-    the whole library.
-    """
-    determines = f"{study.name} {study.digest} {key or files.digest_of(files.library_files())}"
-    name = f"{study.name}-{hashlib.sha256(determines.encode()).hexdigest()[:16]}.nc"
-    path = files.cache_folder() / name  # which tells what determines the cube
-    cube = load_or_compute(path, lambda: compute(study))
-    return with_provenance(cube, study, float(cube.attrs.pop("run_time_s")), library)
 
 
 def key_of(values: Any, paths: Iterable[Path] = ()) -> str:
