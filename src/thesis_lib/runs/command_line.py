@@ -188,18 +188,16 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     from thesis_lib.figure_sets.registry import model_of
     from thesis_lib.studies.request import check_names, validate_values
 
-    studies, notes = [], []
     expanded = [one for name in names for one in sets_of(name)]
     models = [model_of(name) for name in dict.fromkeys(expanded)]
     known = {key for model in models for key in model.model_fields}
     check_names(models[0], (key for key in values if key not in known))
+    own = [{key: values[key] for key in values if key in model.model_fields} for model in models]
+    studies = [validate_values(*pair) for pair in zip(models, own, strict=True)]
     for model in models:
-        own = {key: value for key, value in values.items() if key in model.model_fields}
-        studies.append(validate_values(model, own))
-        lacking = [key for key in values if key not in own]
-        notes += [f"{model.name} has no {key}: it runs without" for key in lacking]
-    for note in notes:
-        click.echo(note, err=True)
+        for key in values:
+            if key not in model.model_fields:
+                click.echo(f"{model.name} has no {key}: it runs without", err=True)
     return studies
 
 

@@ -203,13 +203,11 @@ def compare_summaries(
     Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
     and ``apart`` tells whether the 5–95 % bands do not meet.
     """
-    for key in ("claim", "quantity"):
-        if key in new:
-            return new.merge(old, how, on=key, suffixes=("", "_old"), validate="one_to_one")
-    keys = [*ROW_KEYS, "error"]
+    keys = next(([one] for one in LISTED_VARIABLES if one in new), [*ROW_KEYS, "error"])
     table = new.merge(old, how, on=keys, suffixes=("", "_old"), validate="one_to_one")
-    table["difference"] = table["median"] - table["median_old"]
-    table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
+    if "median" in table:
+        table["difference"] = table["median"] - table["median_old"]
+        table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
     return table
 
 
