@@ -23,7 +23,7 @@ def parameter_cell(model: type[Study]) -> str:
     """
     lines = []
     for row in describe_parameters(model):
-        default = json.loads(row["default"])
+        default = row["default"]
         start = f"{row['name']}: {type(default).__name__} = "
         value = _literal(default)
         if len(start + value) > MAX_VALUE_LENGTH:

@@ -170,16 +170,15 @@ def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
         for row in request.describe_parameters(study):
             if row["name"] == "cube":  # where a notebook writes: not of the command
                 continue
-            default = json.loads(row["default"])
             listed = {"title", "description", "default", "allowed"}  # keys that a row holds itself
             plain = {key: of for key, of in schema[row["name"]].items() if key not in listed}
             if plain.get("items") == {"type": "string"}:  # names that only the command knows
-                plain["items"] = {"type": "string", "enum": default}
+                plain["items"] = {"type": "string", "enum": row["default"]}
             field = {
                 **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
                 "schema": plain,
                 "permitted": describe_permitted(study, row["name"]),
-                "typed": _format_typed(default),
+                "typed": _format_typed(row["default"]),
             }
             if field not in fields:
                 fields.append(field)

@@ -140,13 +140,13 @@ def validate_values(model: type[AnyStudy], values: Mapping[str, Any]) -> AnyStud
         raise ParameterError(f"{model.name}: {problem}") from None
 
 
-def describe_parameters(model: type[Study]) -> list[dict[str, str]]:
-    """Return one row per parameter: name, default, unit, allowed, meaning."""
+def describe_parameters(model: type[Study]) -> list[dict[str, Any]]:
+    """Return one row per parameter: name, default as a JSON value, unit, allowed, meaning."""
     defaults = model().model_dump(mode="json")
     return [
         {
             "name": name,
-            "default": json.dumps(defaults[name], ensure_ascii=False),
+            "default": defaults[name],
             "unit": fields.unit_of_field(name),
             "allowed": fields.describe_allowed(model, name),
             "meaning": fields.describe_field(model, name),
