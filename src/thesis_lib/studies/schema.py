@@ -11,7 +11,6 @@ import subprocess
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +50,6 @@ class Variable:
         return (*over, *self.dims), np.asarray(values), self.attributes
 
 
-@cache
-def _read_tables(path: Path) -> dict[str, dict[str, list[str]]]:
-    return tomllib.loads(path.read_text(encoding="utf-8"))
-
-
 def read_variables(module_file: str, table: str) -> dict[str, Variable]:
     """Return the variables that ``variables.toml`` in a module's folder declares in one table.
 
@@ -64,10 +58,10 @@ def read_variables(module_file: str, table: str) -> dict[str, Variable]:
     >>> read_variables(__file__, "cameras")["camera_distance"]
     Variable(dims=('setting', 'camera'), units='m', long_name='camera distance')
     """
-    rows = _read_tables(Path(module_file).with_name(VARIABLES_FILE))[table]
+    text = Path(module_file).with_name(VARIABLES_FILE).read_text(encoding="utf-8")
     return {
         name: Variable(tuple(filter(None, dims.split(", "))), units, words)
-        for name, (dims, units, words) in rows.items()
+        for name, (dims, units, words) in tomllib.loads(text)[table].items()
     }
 
 
