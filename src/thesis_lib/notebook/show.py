@@ -12,7 +12,7 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import Any
 
 import xarray as xr
@@ -244,5 +244,6 @@ def _describe_cost(names: list[str]) -> str:
     known = effort.read_efforts()
     if not set(names) <= set(known):
         return ""
-    total = effort.total_effort(known[name] for name in names)
+    seconds, peaks, sizes = zip(*(astuple(known[name]) for name in names), strict=True)
+    total = effort.Effort(sum(seconds), max(peaks), sum(sizes))
     return f"With the defaults it takes {total.time} and {total.memory}, from nothing on two cores."

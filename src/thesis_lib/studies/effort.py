@@ -48,18 +48,6 @@ class Effort:
         return f"{max(round(self.peak_memory_mb, -1), 10):.0f} MB"
 
 
-def total_effort(efforts: Iterable[Effort]) -> Effort:
-    """Return the effort of figure sets that are run one after another.
-
-    Examples
-    --------
-    >>> total_effort([Effort(40, 300, 1), Effort(50, 200, 2)])
-    Effort(seconds=90, peak_memory_mb=300, cube_mb=3)
-    """
-    seconds, peaks, sizes = zip(*map(astuple, efforts), strict=True)
-    return Effort(sum(seconds), max(peaks), sum(sizes))
-
-
 def peak_memory_mb() -> float:
     """Return the largest resident memory of this process in MB; 0 where it is not known."""
     try:  # getrusage counts, on Linux, the process that started this one, too
