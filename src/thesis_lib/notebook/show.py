@@ -70,10 +70,7 @@ def cube_of(asked: Study) -> xr.Dataset:
 
     If it can be cut into pieces, the scheduler of ``THESIS_SCHEDULER`` computes them.
     """
-    try:
-        scheduler = workers.from_environment()
-    except ValueError as error:
-        raise ParameterError(str(error)) from None
+    scheduler = workers.from_environment()
     if scheduler and not registry.FIGURE_SETS[asked.name].in_pieces:
         print(workers.describe_alone(asked.name), file=sys.stderr)
         scheduler = ""

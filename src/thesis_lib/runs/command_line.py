@@ -206,10 +206,7 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
     from thesis_lib.figure_sets.registry import FIGURE_SETS
     from thesis_lib.studies import workers
 
-    try:
-        workers.check_address(scheduler)
-    except ValueError as error:
-        raise RefusedError(f"--scheduler: {error}") from None
+    workers.check_address(scheduler, "--scheduler")
     others = [study.name for study in studies if not FIGURE_SETS[study.name].in_pieces]
     if len(others) == len(studies):
         raise RefusedError(

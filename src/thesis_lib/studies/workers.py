@@ -23,6 +23,7 @@ from importlib.metadata import version
 from typing import Any, TypeVar
 
 from thesis_lib.files import library_digest
+from thesis_lib.studies.request import ParameterError
 
 BLOCK_BYTES = 24 * 2**20  # of images: 200 trials of 150 markers in 3 modes by 12 cameras fit
 SCHEDULER_VARIABLE = "THESIS_SCHEDULER"
@@ -86,19 +87,19 @@ def compute_blocks(
         yield from zip(every, pool.map(work, every), strict=True)
 
 
-def check_address(scheduler: str) -> str:
-    """Return the scheduler as it was given, or raise ValueError with what is allowed.
+def check_address(scheduler: str, source: str) -> str:
+    """Return the scheduler as `source` gave it, or raise ParameterError with what is allowed.
 
     Examples
     --------
-    >>> check_address("tcp://10.0.0.5:8786"), check_address("tcp://[::1]:8786")
-    ('tcp://10.0.0.5:8786', 'tcp://[::1]:8786')
+    >>> check_address("tcp://[::1]:8786", "--scheduler")
+    'tcp://[::1]:8786'
     """
     match = ADDRESS_PATTERN.fullmatch(scheduler)
     if scheduler != PROCESS_SCHEDULER and not (match and 0 < int(match[1]) < 2**16):
-        raise ValueError(
-            f"given {scheduler!r:.80}, allowed: {PROCESS_SCHEDULER}, or tcp://HOST:PORT or "
-            "tls://HOST:PORT of a Dask scheduler"
+        raise ParameterError(
+            f"{source}: given {scheduler!r:.80}, allowed: {PROCESS_SCHEDULER}, or tcp://HOST:PORT "
+            "or tls://HOST:PORT of a Dask scheduler"
         )
     return scheduler
 
@@ -113,10 +114,7 @@ def check_scheduler(scheduler: str) -> None:
 def from_environment() -> str:
     """Return the scheduler that ``THESIS_SCHEDULER`` asks for, or empty."""
     given = os.environ.get(SCHEDULER_VARIABLE, "")
-    try:
-        return check_address(given) if given else ""
-    except ValueError as error:
-        raise ValueError(f"{SCHEDULER_VARIABLE}: {error}") from None
+    return check_address(given, SCHEDULER_VARIABLE) if given else ""
 
 
 def describe_alone(name: str) -> str:
