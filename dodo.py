@@ -88,40 +88,41 @@ def task_assets() -> Iterator[dict[str, Any]]:
 
 def task_piece() -> Iterator[dict[str, Any]]:
     """Write the tables, sentences and pictures that pages include."""
-    others = [path for path in NOTEBOOKS if path.stem != "claims"]
+    measured = [name for name in STUDIES if name != "claims"]
+    others = [result_files(name)[0] for name in measured]
     elsewhere = {*texts.OF_LEDGER, *texts.OF_NO_CUBE, *chain(*texts.OWN_PIECES.values())}
     numbers = [name for name in texts.PIECES if name not in elsewhere]
     figures = find_figure_names(PAGES)
     data = ExperimentResolution().recordings.stored_path
 
-    def write(names: Sequence[str], but: str = "") -> None:
-        made = build.list_cubes(name for name in STUDIES if name != but)
-        texts.write_pieces(made, EXECUTED_FOLDER, names)
+    def write(pieces: Sequence[str], names: Sequence[str]) -> None:
+        texts.write_pieces(build.list_cubes(names), EXECUTED_FOLDER, pieces)
 
     def included(*names: str) -> list[Any]:
         return [EXECUTED_FOLDER / f"{name}.md" for name in names]
 
+    of_cubes = {
+        "numbers": (numbers, measured, [*others, *PUBLISHED]),
+        "numbers of structures": (texts.OF_NO_CUBE, [], PUBLISHED),
+        "numbers of the ledger": (texts.OF_LEDGER, STUDIES, NOTEBOOKS),
+    }
+    for name, (pieces, names, needs) in of_cubes.items():
+        act = partial(write, pieces, names)
+        yield make_task(name, act, [*needs, *TEXT_CODE], included(*pieces))
     recordings_code = [
         measured_sample.sample_path(),
         *list_code("book/pieces", "laboratory", "measure", "planning", "plotting", "web"),
         *list_code(*WORD_CODE),
     ]
-    yield make_task(
-        "numbers", lambda: write(numbers, "claims"), [*others, *PUBLISHED, *TEXT_CODE],
-        included(*numbers),
-    )  # fmt: skip
-    yield make_task(
-        "numbers of structures",
-        lambda: texts.write_pieces([], EXECUTED_FOLDER, texts.OF_NO_CUBE),
-        [*PUBLISHED, *TEXT_CODE],
-        included(*texts.OF_NO_CUBE),
-    )
-    yield make_task(
-        "numbers of the ledger",
-        lambda: write(texts.OF_LEDGER),
-        [*NOTEBOOKS, *TEXT_CODE],
-        included(*texts.OF_LEDGER),
-    )
+    piece_code = list_code("book/pieces", *WORD_CODE)
+    of_no_cube = {
+        "reference of own recordings": (recordings.PIECES, [*PUBLISHED, *recordings_code]),
+        "index and assumptions": (thesis_index.PIECES, [*PAGES, *PUBLISHED, *library_files()]),
+        "benchmarks": (benchmarks.PIECES, [*PUBLISHED, *piece_code]),
+    }
+    for name, (written, needs) in of_no_cube.items():
+        act = partial(opened.write_texts, EXECUTED_FOLDER, written)
+        yield make_task(name, act, needs, included(*written))
     yield make_task(
         "figure of the conclusions",
         lambda: factors.write_summary_figure(build.list_cubes(), EXECUTED_FOLDER),
@@ -130,7 +131,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     yield make_task(
         "figures of notebooks",
         lambda: opened.write_shown_figures(figures, NOTEBOOKS, EXECUTED_FOLDER),
-        [*NOTEBOOKS, *PAGES, *list_code("book/pieces", *WORD_CODE)],
+        [*NOTEBOOKS, *PAGES, *piece_code],
         [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
     code = list_code("book/pieces")
@@ -151,21 +152,8 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
     )  # fmt: skip
     yield make_task(
-        "reference of own recordings",
-        lambda: opened.write_texts(EXECUTED_FOLDER, recordings.PIECES),
-        [*PUBLISHED, *recordings_code], included(*recordings.PIECES),
-    )  # fmt: skip
-    yield make_task(
         "sample report", lambda: recordings.write_sample(EXECUTED_FOLDER), recordings_code,
         [EXECUTED_FOLDER / name for name in recordings.SAMPLE_FILES],
-    )  # fmt: skip
-    yield make_task(
-        "index and assumptions", lambda: opened.write_texts(EXECUTED_FOLDER, thesis_index.PIECES),
-        [*PAGES, *PUBLISHED, *library_files()], included(*thesis_index.PIECES),
-    )  # fmt: skip
-    yield make_task(
-        "benchmarks", lambda: opened.write_texts(EXECUTED_FOLDER, benchmarks.PIECES),
-        [*PUBLISHED, *list_code("book/pieces", *WORD_CODE)], included(*benchmarks.PIECES),
     )  # fmt: skip
     yield make_task(
         "conformance", lambda: benchmarks.write_conformance(EXECUTED_FOLDER, CHECKS),
