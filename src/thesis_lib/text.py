@@ -74,18 +74,6 @@ def one_line(text: str, longest: int = 60) -> str:
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
-def duration(seconds: float) -> str:
-    """Return a time in words, as exact as one plans with it.
-
-    Examples
-    --------
-    >>> duration(0.2), duration(7.4), duration(89), duration(170), duration(7300)
-    ('1 s', '7 s', '1 min', '3 min', '122 min')
-    """
-    minutes = seconds >= 60
-    return f"{max(round(seconds / 60 if minutes else seconds), 1)} {'min' if minutes else 's'}"
-
-
 def listed(names: Iterable[str], command: str) -> str:
     """List all names, or name the command that shows them where there is no room."""
     all_ = ", ".join(names)

@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from thesis_lib.files import shipped, whole_text
-from thesis_lib.text import describe_damage, duration
+from thesis_lib.text import describe_damage
 
 EFFORT_COLUMNS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
 MAX_SIMILAR_RATIO = 1.5  # machines and what else they do differ by as much
@@ -33,14 +33,15 @@ class Effort:
 
     @property
     def time(self) -> str:
-        """The run time in words.
+        """The run time in words, as exact as one plans with it.
 
         Examples
         --------
-        >>> Effort(7.4, 300, 1).time, Effort(170, 300, 1).time
-        ('7 s', '3 min')
+        >>> [Effort(seconds, 300, 1).time for seconds in (0.2, 7.4, 89, 170, 7300)]
+        ['1 s', '7 s', '1 min', '3 min', '122 min']
         """
-        return duration(self.seconds)
+        size, unit = (self.seconds / 60, "min") if self.seconds >= 60 else (self.seconds, "s")
+        return f"{max(round(size), 1)} {unit}"
 
     @property
     def memory(self) -> str:
