@@ -9,6 +9,7 @@ import ast
 import base64
 import html
 import json
+import os
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -70,7 +71,8 @@ def cube_of(asked: Study) -> xr.Dataset:
 
     If it can be cut into pieces, the scheduler of ``THESIS_SCHEDULER`` computes them.
     """
-    scheduler = workers.from_environment()
+    if scheduler := os.environ.get(workers.SCHEDULER_VARIABLE, ""):
+        workers.check_address(scheduler, workers.SCHEDULER_VARIABLE)
     if scheduler and not registry.FIGURE_SETS[asked.name].in_pieces:
         print(workers.describe_alone(asked.name), file=sys.stderr)
         scheduler = ""

@@ -212,7 +212,7 @@ FIELD_STEP = 2  # every other point of a plane is enough for an animation
 
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """Return the nominal run and the statistics of a cube (format: `web.viewer.Viewer`)."""
-    said, structure = cube.attrs, schema.structure_kind(cube)
+    said, structure = cube.attrs, str(cube["outline"].attrs["structure"])
     kind = "beam" if structure == "beam" else "plate" if "mean_error" in cube else "sound"
     if "measured_deflection" in cube:  # of many trials only the nominal run is drawn
         literal = cube["measured_deflection"].isel(trial=0, drop=True)

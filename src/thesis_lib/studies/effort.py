@@ -64,12 +64,6 @@ def peak_memory_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
-def notebook_effort(notebook: Path) -> Effort:
-    """Return the effort that an executed notebook carries."""
-    kept = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]
-    return Effort(*(float(kept[name]) for name in EFFORT_COLUMNS[1:]))
-
-
 def _published_path() -> Path:
     return shipped() / "data" / "published" / "effort.csv"
 
@@ -93,14 +87,17 @@ def read_efforts() -> dict[str, Effort]:
         raise EffortError(describe_damage(path, error)) from None
 
 
-def write_efforts(efforts: Iterable[tuple[str, Effort]]) -> None:
-    """Publish efforts.
+def write_efforts(notebooks: Iterable[Path]) -> None:
+    """Publish the efforts that executed notebooks carry.
 
     A line stays as it is while nothing in it has changed much, so that two who publish what they
     measured on their own machines do not change the same lines.
     """
     before, lines = read_efforts(), [",".join(EFFORT_COLUMNS)]
-    for name, new in efforts:
+    for notebook in notebooks:
+        carried = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]
+        new = Effort(*(float(carried[name]) for name in EFFORT_COLUMNS[1:]))
+        name = notebook.stem
         old = before.get(name, new)
         pairs = zip(astuple(old), astuple(new), strict=True)
         one = old if all(max(pair) <= MAX_SIMILAR_RATIO * min(pair) for pair in pairs) else new

@@ -45,10 +45,6 @@ class Variable:
         units = {} if self.units == "name" else {"units": self.units}
         return units | {"long_name": self.long_name}
 
-    def label(self, values: Any, over: Iterable[str] = ()) -> tuple[tuple[str, ...], Any, Any]:
-        """Return values with their dimensions, after those of `over`, and attributes."""
-        return (*over, *self.dims), np.asarray(values), self.attributes
-
 
 def read_variables(module_file: str, table: str) -> dict[str, Variable]:
     """Return the variables that ``variables.toml`` in a module's folder declares in one table.
@@ -68,8 +64,11 @@ def read_variables(module_file: str, table: str) -> dict[str, Variable]:
 def label_values(
     values: Mapping[str, Any], table: Mapping[str, Variable], over: Iterable[str] = ()
 ) -> dict[str, tuple[tuple[str, ...], Any, Any]]:
-    """Return the values as variables of a dataset, in the order in which they come."""
-    return {name: table[name].label(each, over) for name, each in values.items()}
+    """Return the values as variables of a dataset, whose dimensions begin with those of `over`."""
+    return {
+        name: ((*over, *table[name].dims), np.asarray(each), table[name].attributes)
+        for name, each in values.items()
+    }
 
 
 def list_quantities(rows: Iterable[tuple[str, float, str]]) -> dict[str, Any]:
@@ -78,11 +77,6 @@ def list_quantities(rows: Iterable[tuple[str, float, str]]) -> dict[str, Any]:
 
 
 # The outline of a structure, and the cells of its markers.
-
-
-def structure_kind(cube: xr.Dataset) -> str:
-    """Return whether a cube is of a beam, a plate or a panel."""
-    return str(cube["outline"].attrs["structure"])
 
 
 def structure_extent(cube: xr.Dataset) -> tuple[float, float]:

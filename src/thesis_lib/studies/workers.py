@@ -87,21 +87,14 @@ def compute_blocks(
         yield from zip(every, pool.map(work, every), strict=True)
 
 
-def check_address(scheduler: str, source: str) -> str:
-    """Return the scheduler as `source` gave it, or raise ParameterError with what is allowed.
-
-    Examples
-    --------
-    >>> check_address("tcp://[::1]:8786", "--scheduler")
-    'tcp://[::1]:8786'
-    """
+def check_address(scheduler: str, source: str) -> None:
+    """Refuse a scheduler that `source` gives and that is none of those allowed."""
     match = ADDRESS_PATTERN.fullmatch(scheduler)
     if scheduler != PROCESS_SCHEDULER and not (match and 0 < int(match[1]) < 2**16):
         raise ParameterError(
             f"{source}: given {scheduler!r:.80}, allowed: {PROCESS_SCHEDULER}, or tcp://HOST:PORT "
             "or tls://HOST:PORT of a Dask scheduler"
         )
-    return scheduler
 
 
 def check_scheduler(scheduler: str) -> None:
@@ -109,12 +102,6 @@ def check_scheduler(scheduler: str) -> None:
     if scheduler != PROCESS_SCHEDULER:
         with _connect(scheduler):
             pass
-
-
-def from_environment() -> str:
-    """Return the scheduler that ``THESIS_SCHEDULER`` asks for, or empty."""
-    given = os.environ.get(SCHEDULER_VARIABLE, "")
-    return check_address(given, SCHEDULER_VARIABLE) if given else ""
 
 
 def describe_alone(name: str) -> str:

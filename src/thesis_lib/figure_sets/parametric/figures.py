@@ -244,7 +244,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     row = [axes[name] for name in "cde"]
     pictures = style.draw_maps(row, maps, x, y, "xy")
     for panel in row:
-        if schema.structure_kind(cube) == "panel":
+        if cube["outline"].attrs["structure"] == "panel":
             for curve in schema.structure_contours(cube):
                 panel.fill(*(1000 * (curve + middle)).T, fill=False, edgecolor=style.INK_COLOR)
         panel.plot(part["x"] * 1000, part["y"] * 1000, ".", color=style.INK_COLOR, ms=1.2)
