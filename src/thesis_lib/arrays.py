@@ -4,12 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-__all__ = [
-    "Array", "ArrayLike", "ComplexArray", "Image", "IntArray", "Mask", "NDArray", "Signal",
-    "stack_padded",
-]  # fmt: skip
+from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
