@@ -314,19 +314,15 @@ def all_difference_lines(
         known |= set(LISTED_VARIABLES.get(list_dimension(cube), ()))
         here = sorted({str(variable) for variable in cube.variables} - known)
         return [*lines, f"not compared, since only errors are published: {_names(here)}"]
-    same, differ, skipped = 0, list[str](), dict[str, list[str]]()
+    found: dict[str, list[str]] = {}
     shared = _select_shared(cube, other)
     for each in sorted({str(n) for n in (*cube.variables, *other.variables)}):
-        why, difference = _compare_variable(each, *shared)
-        if why:
-            skipped.setdefault(why, []).append(each)
-        elif difference:
-            differ.append(difference)
-        else:
-            same += 1
+        outcome, words = _compare_variable(each, *shared)
+        found.setdefault(outcome, []).append(words)
+    same, differ = len(found.pop("same", [])), found.pop("differs", [])
     apart = ", those above apart" if differ else ""
     lines += [*differ, f"no difference from {name} in {same} variables and coordinates{apart}"]
-    lines += [f"not compared, since {why}: {_names(names)}" for why, names in skipped.items()]
+    lines += [f"not compared, since {why}: {_names(names)}" for why, names in found.items()]
     new, old = (json.loads(one.attrs["parameters"]) for one in (cube, other))
     for key in sorted({*new, *old}):
         if new.get(key) != old.get(key):
@@ -336,21 +332,21 @@ def all_difference_lines(
 
 
 def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[str, str]:
-    """Return why a variable cannot be compared, or how it differs; both are empty if not."""
+    """Return ``same``, ``differs`` or why a variable is not compared, and its name or how."""
     if name not in cube.variables or name not in other.variables:
-        return "only in the first" if name in cube.variables else "only in the second", ""
+        return "only in the first" if name in cube.variables else "only in the second", name
     new, old = cube[name], other[name]
     if new.dims != old.dims or new.shape != old.shape:
-        return "of another shape", ""
+        return "of another shape", name
     off = _differing(new.values, old.values)
     if not off.any():
-        return "", ""
+        return "same", name
     far = ""
     if new.dtype.kind in "iuf" and old.dtype.kind in "iuf":
         apart = np.abs(new.values.astype(float) - old.values.astype(float))
         far = f", by up to {np.nanmax(apart):.3g}" if np.isfinite(apart).any() else ""
     dims = f"({', '.join(map(str, new.dims))})" if new.dims else ""
-    return "", f"{name}{dims}: {off.sum()} of {off.size} values differ{far}"
+    return "differs", f"{name}{dims}: {off.sum()} of {off.size} values differ{far}"
 
 
 def _select_shared(cube: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
