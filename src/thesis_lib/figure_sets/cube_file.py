@@ -197,12 +197,11 @@ def _problems(cube: xr.Dataset, request: Study, errors: set[str]) -> Iterator[st
     if "plane" in cube.dims and set(cube["plane"].values.tolist()) != {"XZ", "YZ"}:
         yield "its planes are not XZ and YZ"
     if registry.FIGURE_SETS[request.name].in_pieces and "point" in cube.dims:
-        markers = np.stack(list(request.structure.markers))
-        places = [cube[axis].values if axis in cube else np.array([]) for axis in ("x", "y")]
-        if any((p.shape, p.dtype.kind) != (markers[0].shape, "f") for p in places) or not np.all(
-            np.abs(np.stack(places) - markers) < 1e-9  # m
-        ):
-            yield "its points are not the markers of its structure"
+        for axis, own in zip(("x", "y"), request.structure.markers, strict=True):
+            given = cube[axis].values if axis in cube else np.array([])
+            shaped = given.shape == own.shape and given.dtype.kind == "f"
+            if not shaped or not np.all(np.abs(given - own) < 1e-9):  # m
+                yield "its points are not the markers of its structure"
 
 
 def _not_asked(what: str, found: list[Any], asked: list[Any]) -> Iterator[str]:
