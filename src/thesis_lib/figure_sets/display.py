@@ -27,8 +27,9 @@ _PICTURE_CALL = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 
 def draw_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the figure of one case, or layout, and mode of a cube."""
+    name = cube.attrs["figure_set"]
     with in_style():
-        return FIGURE_SETS[cube.attrs["figure_set"]].draw(cube, case, mode)
+        return getattr(figures_module(name), FIGURE_SETS[name].figure)(cube, case, mode)
 
 
 def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:

@@ -20,6 +20,7 @@ from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER, select
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.plotting import selection, style
+from thesis_lib.plotting.panels import beam_figure as beam_figure
 from thesis_lib.studies.cubes import iterate_slices
 
 MARKERS = rows_on(setups.thesis_beam())

@@ -260,7 +260,7 @@ class ShapeMarkers(PlateMarkers):
 
 _SUBJECTS: dict[str, tuple[str, str, type[BaseModel], str]] = {
     # chapter, section of the thesis, what it adds to the parameters, function that draws
-    "beam": ("ch3", "section 3.3", BeamMarkers, "thesis_lib.plotting.panels:beam_figure"),
+    "beam": ("ch3", "section 3.3", BeamMarkers, "beam_figure"),
     "plate": ("ch4", "section 4.2", PlateMarkers, "plate_figure"),
     "sound": ("ch6", "section 6.2", PlateSoundStudy, "sound_figure"),
     "shape": ("shapes", "section 7.1", ShapeMarkers, "plate_figure"),

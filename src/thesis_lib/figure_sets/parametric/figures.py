@@ -19,6 +19,7 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.parametric import figure_set, sound
 from thesis_lib.ledger import verdicts
 from thesis_lib.plotting import panels as figures, selection, style
+from thesis_lib.plotting.panels import beam_figure as beam_figure
 from thesis_lib.studies import cubes, schema
 from thesis_lib.templates import render
 from thesis_lib.vibration import finite_elements, polygons
