@@ -124,8 +124,3 @@ def is_known(name: str, here: bool = False) -> bool:
         for folder in [*named, *own]:
             load_sets(Path(folder))
     return name in FIGURE_SETS
-
-
-def outside_notebook(name: str) -> Path | None:
-    """Return the notebook of a set that was loaded from a folder; None of the book's own."""
-    return Path(folder, f"{name}.ipynb") if (folder := STUDIES[name].folder) else None
