@@ -78,8 +78,7 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
 def _draw_polygons(axes: Axes, vertices: ArrayLike) -> None:
     """Draw black polygons without outline, (polygons, vertices, 2), mm."""
     polygons = [*np.asarray(vertices, float)]
-    drawn = PolyCollection(polygons, facecolors="black", edgecolors="none")
-    axes.add_collection(drawn, autolim=False)
+    axes.add_collection(PolyCollection(polygons, fc="black", ec="none"), autolim=False)
 
 
 def _rectangle_vertices(
@@ -131,17 +130,17 @@ def write_board(
         )
     landscape = columns >= rows
     wide, high = _drawable_mm(paper, landscape)
-    need = (columns + 1) * tile_mm, (rows + 1) * tile_mm  # with half a tile all around
-    if need[0] > wide + 1e-9 or need[1] > high + 1e-9:
-        most = min(wide / (columns + 1), high / (rows + 1))
+    largest_mm = {  # of a tile, with half of one all around
+        name: min(np.divide(_drawable_mm(name, landscape), (columns + 1, rows + 1)))
+        for name in PAGE_SIZES_MM
+    }
+    if tile_mm > largest_mm[paper] + 1e-9:
         fits = (
-            f", or --paper {name}"
-            for name in PAGE_SIZES_MM
-            if np.all(np.array(need) <= np.array(_drawable_mm(name, landscape)) + 1e-9)
+            f", or --paper {name}" for name, most in largest_mm.items() if tile_mm <= most + 1e-9
         )
         raise PaperError(
-            f"--tile-mm: given {tile_mm:g}, allowed: at most {most:.4g} for {columns} × {rows} "
-            f"tiles on {paper}{next(fits, '')}"
+            f"--tile-mm: given {tile_mm:g}, allowed: at most {largest_mm[paper]:.4g} for "
+            f"{columns} × {rows} tiles on {paper}{next(fits, '')}"
         )
     margin = min(wide - columns * tile_mm, high - rows * tile_mm) / 2
     board = Board(columns, rows, tile_mm / 1000, margin / 1000)
@@ -221,39 +220,32 @@ def write_markers(
             f"--spacing-mm: given {spacing_mm:g} and {across:g}, allowed: at most {wide:g} and "
             f"{high:g} on {paper}"
         )
+
+    def draw(axes: Axes, nx: int, ny: int) -> None:
+        width, height = nx * spacing_mm, ny * across
+        if bright:
+            _draw_polygons(axes, [_rectangle_vertices(0, 0, width, height)])
+        for row, column in np.ndindex(ny, nx):
+            centre = (column + 0.5) * spacing_mm, (row + 0.5) * across
+            axes.add_patch(
+                Circle(centre, diameter_mm / 2, fc="white" if bright else "black", ec="none")
+            )
+        for x, side in ((0.0, -4), (width, 4)):  # corner marks, outside of what is used
+            for y, up in ((0.0, -4), (height, 4)):
+                axes.plot([x, x + side], [y, y], "k-", linewidth=0.3, clip_on=False)
+                axes.plot([x, x], [y, y + up], "k-", linewidth=0.3, clip_on=False)
+
     pages = []
     for low in range(0, rows, per[1]):
         for left in range(0, columns, per[0]):
             nx, ny = min(per[0], columns - left), min(per[1], rows - low)
-            centres = np.stack(
-                np.meshgrid((np.arange(nx) + 0.5) * spacing_mm, (np.arange(ny) + 0.5) * across)
-            ).reshape(2, -1)
             words = (
                 f"columns {left + 1} to {left + nx}, rows {low + 1} to {low + ny}: diameter "
                 f"{diameter_mm:g} mm, {spacing_mm:g} mm × {across:g} mm apart"
             )
-            size = nx * spacing_mm, ny * across
-            sheet = partial(
-                _draw_sheet, centres=centres, size=size, diameter=diameter_mm, bright=bright
-            )
-            pages.append((sheet, words))
+            pages.append((partial(draw, nx=nx, ny=ny), words))
     _write_pages(path, paper, True, pages)
     return len(pages)
-
-
-def _draw_sheet(
-    axes: Axes, centres: Array, size: tuple[float, float], diameter: float, bright: bool
-) -> None:
-    width, height = size
-    if bright:
-        _draw_polygons(axes, [_rectangle_vertices(0, 0, width, height)])
-    colour = "white" if bright else "black"
-    for x, y in centres.T:
-        axes.add_patch(Circle((x, y), diameter / 2, fc=colour, ec="none"))
-    for x, side in ((0.0, -4), (width, 4)):  # corner marks, outside of what is used
-        for y, up in ((0.0, -4), (height, 4)):
-            axes.plot([x, x + side], [y, y], "k-", linewidth=0.3, clip_on=False)
-            axes.plot([x, x], [y, y + up], "k-", linewidth=0.3, clip_on=False)
 
 
 PLACE_FIELDS = ("azimuth_deg", "elevation_deg", "distance_mm")
