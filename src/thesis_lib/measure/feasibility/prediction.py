@@ -228,12 +228,11 @@ def noise_errors(P: Array, points: Array, sigma: Array, seen: Mask) -> Array:
     fewer than two do.
     """
 
-    def errors(P: Array, X: Array, which: Mask) -> Array:
-        gain, noise = triangulation.triangulation_gain(P, X)[2], sigma[which]
-        each = gain * noise[:, None, None]
-        return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))))
+    def variance(on: Mask, X: Array) -> Array:
+        gain = triangulation.triangulation_gain(P[on], X)[2]
+        return np.asarray(np.sum((gain * sigma[on, None, None]) ** 2, axis=(0, 1)))
 
-    return _by_view(P, points, seen, errors)
+    return _errors_by_view(variance, points, seen)
 
 
 def rounding_errors(P: Array, points: Array, amplitude: float, turn: float, seen: Mask) -> Array:
@@ -245,21 +244,19 @@ def rounding_errors(P: Array, points: Array, amplitude: float, turn: float, seen
     up = np.zeros((3, 16, 1))
     up[2, :, 0] = amplitude * np.cos((np.arange(16) + 0.5) / 16 * turn / 2)
 
-    def errors(P: Array, X: Array, which: Mask) -> Array:
-        variance = rounding.deflection_variance(P, X[:, None], X[:, None] + up).mean(axis=0)
-        return np.asarray(np.sqrt(np.maximum(variance, 0)))
+    def variance(on: Mask, X: Array) -> Array:
+        each = rounding.deflection_variance(P[on], X[:, None], X[:, None] + up)
+        return np.maximum(each.mean(axis=0), 0)
 
-    return _by_view(P, points, seen, errors)
+    return _errors_by_view(variance, points, seen)
 
 
-def _by_view(
-    P: Array, points: Array, seen: Mask, errors: Callable[[Array, Array, Mask], Array]
-) -> Array:
+def _errors_by_view(variance: Callable[[Mask, Array], Array], points: Array, seen: Mask) -> Array:
     """Return errors by the cameras that see a point; infinite where these stand in line."""
     result = np.full(points.shape[1], np.nan)
-    for pattern, where in group_visible(seen):
+    for on, where in group_visible(seen):
         try:
-            result[where] = errors(P[pattern], points[:, where], pattern)
+            result[where] = np.sqrt(variance(on, points[:, where]))
         except np.linalg.LinAlgError:
             result[where] = np.inf
     return result
