@@ -20,7 +20,7 @@ from thesis_lib.measure.messages import format_new
 from thesis_lib.measure.recordings import manifest as manifests, media_info
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, find_images, is_hidden
 from thesis_lib.measure.recordings.media import read_frames
-from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe_media, rate_of
+from thesis_lib.measure.recordings.media_info import MediaError, probe_media, rate_of
 from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.studies.fields import describe_field
 from thesis_lib.templates import join_words
@@ -66,12 +66,11 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
             f"{folder}: {len(videos)} videos, allowed: 2 to 16{others}; to plan before "
             "recording: -p cameras=4"
         )
-    infos = [probe_media(video) for video in videos]
-    manifest = manifests.validate_manifest(_values(folder, videos, infos, given))
+    manifest = manifests.validate_manifest(_values(folder, videos, given))
     asked = list_asked(manifest)
-    if not any(is_slowed(info) for info in infos):
+    if not any(is_slowed(probe_media(video)) for video in videos):
         asked = (*asked, "cameras.captured_hz")
-    told = [*_describe_found(manifest, folder, infos), *passed]
+    told = [*_describe_found(manifest, folder), *passed]
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.markers.hole_mm is None and lacking:  # which tells the ends apart
         told.append(format_new("corners", names=join_words(lacking), page=folder / PAGE_NAME))
@@ -87,10 +86,9 @@ def list_asked(manifest: Manifest, among: Sequence[str] = ASKED_FIELDS) -> tuple
     return (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
 
 
-def _values(
-    folder: Path, videos: Sequence[Path], infos: Sequence[VideoInfo], given: Mapping[str, Any]
-) -> dict[str, Any]:
+def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the manifest's values, as they are given or seen."""
+    infos = [probe_media(video) for video in videos]
     fastest = max(max(info.frame_rate, info.captured_hz or 0) for info in infos)
     exposure = float(f"{ASSUMED_EXPOSURE_RATIO / fastest:.3g}")
     cameras: list[dict[str, Any]] = []
@@ -159,10 +157,11 @@ def _shots(folder: Path, name: str) -> str | None:
     return None
 
 
-def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Iterator[str]:
+def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
     """Yield what was found of each camera, and what is missing."""
     counts = []
-    for camera, info in zip(manifest.cameras, infos, strict=True):
+    for camera in manifest.cameras:
+        info = probe_media(folder / camera.video)
         shots = [shot for shot in manifests.shot_paths(camera, folder) if shot]
         counts.append(len(shots))
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
