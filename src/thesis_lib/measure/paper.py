@@ -33,10 +33,6 @@ MM_PER_INCH = 25.4  # of an inch
 Draw = Callable[[Axes], object]
 
 
-class PaperError(RefusedError):
-    """A sheet that cannot be; the message is one line: the option, what was given, what allowed."""
-
-
 def _drawable_mm(paper: str, landscape: bool) -> tuple[float, float]:
     """Return the width and height in mm that can be drawn on, above the strip with the ruler."""
     width, height = sorted(PAGE_SIZES_MM[paper], reverse=landscape)
@@ -114,17 +110,17 @@ def write_board(
 
     Raises
     ------
-    PaperError
+    RefusedError
         If the board with a white margin of half a tile does not fit the paper, or has more marks
         than the dictionary, or marks on both sides.
     """
     if charuco and two_sided:
-        raise PaperError(
+        raise RefusedError(
             "--two-sided: given with --charuco, allowed: for a checkerboard, as no program reads "
             "marks that are mirrored"
         )
     if charuco and columns * rows // 2 > DICTIONARY_MARKS:
-        raise PaperError(
+        raise RefusedError(
             f"--columns, --rows: given {columns} × {rows} tiles, allowed with --charuco: at most "
             f"{2 * DICTIONARY_MARKS + 1}, {MARK_DICTIONARY} has no more marks"
         )
@@ -138,7 +134,7 @@ def write_board(
         fits = (
             f", or --paper {name}" for name, most in largest_mm.items() if tile_mm <= most + 1e-9
         )
-        raise PaperError(
+        raise RefusedError(
             f"--tile-mm: given {tile_mm:g}, allowed: at most {largest_mm[paper]:.4g} for "
             f"{columns} × {rows} tiles on {paper}{next(fits, '')}"
         )
@@ -204,19 +200,19 @@ def write_markers(
 
     Raises
     ------
-    PaperError
+    RefusedError
         If markers overlap, or are further apart than a page is long.
     """
     across = row_spacing_mm or spacing_mm
     least = min(spacing_mm if columns > 1 else np.inf, across if rows > 1 else np.inf)
     if diameter_mm >= least:
-        raise PaperError(
+        raise RefusedError(
             f"--diameter-mm: given {diameter_mm:g}, allowed: below {least:g}, the spacing"
         )
     wide, high = _drawable_mm(paper, landscape=True)
     per = int(wide // spacing_mm), int(high // across)
     if not all(per):
-        raise PaperError(
+        raise RefusedError(
             f"--spacing-mm: given {spacing_mm:g} and {across:g}, allowed: at most {wide:g} and "
             f"{high:g} on {paper}"
         )
@@ -257,14 +253,14 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
 
     Raises
     ------
-    PaperError
+    RefusedError
         If a camera has no ``azimuth_deg``, ``elevation_deg`` or ``distance_mm``.
     """
     places = [[getattr(camera, name) for name in PLACE_FIELDS] for camera in cameras]
     for camera, place in zip(cameras, places, strict=True):
         for name, value in zip(PLACE_FIELDS, place, strict=True):
             if value is None:
-                raise PaperError(f"camera {camera.name}: {name} is not given, allowed: a number")
+                raise RefusedError(f"camera {camera.name}: {name} is not given, allowed: a number")
     wide, high = _drawable_mm(paper, landscape=False)
     radius = min(wide, high) / 2 - 12
 
