@@ -194,14 +194,9 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         raise ManifestError(
             f"{path}: given {format_given(values)}, allowed: fields and their values"
         )
-    found: dict[str, str] = {}
-    if isinstance(excitation := values.get("excitation"), dict):
-        values["excitation"] = _rename(excitation, found)
-    if isinstance(cameras := values.get("cameras"), list):
-        values["cameras"] = [
-            _rename(camera, found) if isinstance(camera, dict) else camera for camera in cameras
-        ]
-    _report_renamed(str(path), found)
+    cameras = values.get("cameras")
+    several = cameras if isinstance(cameras, list) else []
+    _rename_fields([values.get("excitation"), *several], str(path))
     manifest = validate_manifest(values, str(path))
     for problem in _file_problems(manifest, path.parent, check_files):
         raise ManifestError(f"{path}: {problem}")
@@ -218,29 +213,27 @@ def validate_manifest(values: dict[str, Any], where: str = "-p") -> Manifest:
 
 def rename_options(given: dict[str, Any]) -> dict[str, Any]:
     """Return fields by path, as of ``-p excitation.rest_s=2``, under today's names."""
+    places = [place.rpartition(".") for place in given]
+    named = [{name: value} for (*_, name), value in zip(places, given.values(), strict=True)]
+    _rename_fields(named, "-p")
+    return {
+        f"{where}{dot}{name}": value
+        for (where, dot, _), part in zip(places, named, strict=True)
+        for name, value in part.items()
+    }
+
+
+def _rename_fields(several: Iterable[Any], where: str) -> None:
+    """Rename the fields of parts of a manifest as they are named today; report which were old."""
     found: dict[str, str] = {}
-    named = {}
-    for place, value in given.items():
-        where, dot, name = place.rpartition(".")
-        ((new, renamed),) = _rename({name: value}, found).items()
-        named[f"{where}{dot}{new}"] = renamed
-    _report_renamed("-p", found)
-    return named
-
-
-def _rename(part: dict[str, Any], found: dict[str, str]) -> dict[str, Any]:
-    """Return a part of a manifest under today's names; note in ``found`` which were old."""
-    old = {one: new for one, new in RENAMED_FIELDS.items() if one in part and new not in part}
-    found.update(old)
-    part = {old.get(name, name): value for name, value in part.items()}
-    kind = part.get("kind")
-    if isinstance(kind, str) and kind in RENAMED_KINDS:
-        part["kind"] = RENAMED_KINDS[kind]
-        found[f"kind: {kind}"] = f"kind: {part['kind']}"
-    return part
-
-
-def _report_renamed(where: str, found: dict[str, str]) -> None:
+    for part in (one for one in several if isinstance(one, dict)):
+        for old, new in RENAMED_FIELDS.items():
+            if old in part and new not in part:
+                part[new] = part.pop(old)
+                found[old] = new
+        if isinstance(kind := part.get("kind"), str) and kind in RENAMED_KINDS:
+            part["kind"] = RENAMED_KINDS[kind]
+            found[f"kind: {kind}"] = f"kind: {part['kind']}"
     if found:
         words = ", ".join(f"{old} is now {new}" for old, new in found.items())
         aside(f"{where}: old names are read until version 2: {words}")
