@@ -8,7 +8,6 @@ from scenes.sounds import append_sony_rate, copy_tracks, turn_film, write_film
 from thesis_lib.measure.recordings.media import pack_frames, read_frames
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
-    describe_reading,
     frame_clock,
     probe_media,
 )
@@ -70,7 +69,7 @@ def test_a_still_beside_the_film_is_not_the_film(tmp_path, plain, marked):
     copy_tracks([still, plain], path, still=marked)
     assert len(places(path)) == COUNT
     assert probe_media(path).frame_rate == RATE
-    assert "number 2" in describe_reading(path)[0]
+    assert "number 2" in probe_media(path).remarks[0]
 
 
 @pytest.mark.parametrize(("name", "codec"), [("a.avi", "mpeg4"), ("a.ts", "libx264")])
@@ -89,8 +88,8 @@ def test_frames_before_the_first_that_can_be_decoded_are_none(tmp_path, share):
     found = places(path)
     assert 10 < len(found) < 60
     assert np.all(np.diff(found) % (WIDTH - 8) == 2)
-    assert any("cut before a key frame" in line for line in describe_reading(path))
-    assert describe_reading(whole) == []
+    assert any("cut before a key frame" in line for line in probe_media(path).remarks)
+    assert not probe_media(whole).remarks
 
 
 @pytest.mark.parametrize("depth", [8, 12, 16])
@@ -101,7 +100,7 @@ def test_fewer_than_sixteen_bits_in_sixteen_fill_the_grey_levels(tmp_path, depth
     path = film(tmp_path / "deep.mkv", "gray16le", "ffv1", make=make)
     wanted = [make(k) >> depth - 8 for k in range(COUNT)]
     assert np.abs(np.array(list(read_frames(path)), int) - wanted).max() <= depth // 16
-    said = [f"of {depth} bits in 16" in line for line in describe_reading(path)]
+    said = [f"of {depth} bits in 16" in line for line in probe_media(path).remarks]
     assert said == [True] * (depth < 16)
 
 

@@ -49,15 +49,11 @@ class VideoInfo:
     codec: str  #: Name of the video codec
     has_audio: bool  #: Whether there is an audio track
     #: Whether even and odd lines of a frame were taken at different times
-    interlaced: bool = False
-    start: float = 0.0  #: Time of the first frame that can be decoded, by the file's clock, s
-    track: int = 1  #: Which of its video tracks is used, the first as 1
-    tracks: int = 1  #: How many video tracks there are
-    #: Whether frames before the first key frame are left out, since they cannot be decoded
-    cut: bool = False
-    depth: int = 8  #: Bits that hold the grey levels
-    stored_depth: int = 8  #: Bits in which they are stored
-    captured_hz: float | None = None  #: Rate in Hz at which the file says it was taken
+    interlaced: bool
+    start: float  #: Time of the first frame that can be decoded, by the file's clock, s
+    depth: int  #: Bits that hold the grey levels
+    captured_hz: float | None  #: Rate in Hz at which the file says it was taken
+    remarks: tuple[str, ...]  #: What a user should know of how it is read, one sentence each
 
 
 def file_address(path: Path) -> str:
@@ -212,10 +208,29 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
             counts.append(round(duration * rate))
         sound = file.streams.audio[0] if file.streams.audio else None
         sound_end = None if sound is None else _end_of(sound)
-        stored_depth = max((part.bits for part in first.format.components), default=8)
+        depth = stored_depth = max((part.bits for part in first.format.components), default=8)
+        if stored_depth == 16:
+            depth = _depth_of(path)
         size = (video.width, video.height)
+        size = size[::-1] if orientation_of(first)[0] else size
+        name, tracks, remarks = path.name, file.streams.video, []
+        if len(tracks) > 1:
+            remarks.append(
+                f"{name} has {len(tracks)} video tracks; number {1 + tracks.index(video)}, "
+                f"{size[0]} × {size[1]} px, is the one that is used."
+            )
+        if cut:
+            remarks.append(
+                f"{name} was cut before a key frame: what comes before it cannot be decoded and "
+                "is left out."
+            )
+        if depth < stored_depth:
+            remarks.append(
+                f"{name} stores grey levels of {depth} bits in {stored_depth}: 2^{depth} − 1 is "
+                "read as full scale."
+            )
         return VideoInfo(
-            size=size[::-1] if orientation_of(first)[0] else size,
+            size=size,
             frame_rate=float(rate),
             frames=min(counts, default=None),  # an edit list may hide stored frames
             duration=duration,
@@ -224,12 +239,9 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
             has_audio=sound is not None,
             interlaced=first.interlaced_frame,
             start=start,
-            track=1 + file.streams.video.index(video),
-            tracks=len(file.streams.video),
-            cut=cut,
-            depth=_depth_of(path) if stored_depth == 16 else stored_depth,
-            stored_depth=stored_depth,
+            depth=depth,
             captured_hz=_capture_rate(file, video, path),
+            remarks=tuple(remarks),
         )
 
 
@@ -302,27 +314,6 @@ def _capture_rate(file: InputContainer, stream: av.VideoStream, path: Path) -> f
             if np.isfinite(rate := float(text)) and rate > 0:
                 return rate
     return None
-
-
-def describe_reading(path: Path) -> list[str]:
-    """Return what a user should know of how a video is read, one sentence each."""
-    info, lines = probe_media(path), []
-    if info.tracks > 1:
-        lines.append(
-            f"{path.name} has {info.tracks} video tracks; number {info.track}, "
-            f"{info.size[0]} × {info.size[1]} px, is the one that is used."
-        )
-    if info.cut:
-        lines.append(
-            f"{path.name} was cut before a key frame: what comes before it cannot be decoded and "
-            "is left out."
-        )
-    if info.depth < info.stored_depth == 16:
-        lines.append(
-            f"{path.name} stores grey levels of {info.depth} bits in {info.stored_depth}: "
-            f"2^{info.depth} − 1 is read as full scale."
-        )
-    return lines
 
 
 def frame_clock(path: Path) -> Array:
