@@ -321,14 +321,14 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         for i in range(count)
     ]
     filled = {"excitation.steady_interval_s": STEADY_INTERVAL_S} | _default_markers(rest) | rest
-    manifest = validate_manifest(template.with_given(cameras, filled))
+    values = template.with_given(cameras, filled)
+    manifest = validate_manifest(values)
     size = manifest.structure.width_mm, manifest.structure.length_mm
     turn = np.radians(FIRST_AZIMUTH_DEG) + 2 * np.pi * np.arange(count) / count
     slender = min(1.0, 2 * size[0] / size[1])
     azimuths = np.degrees(np.arctan2(slender * np.sin(turn), np.cos(turn)))
     for camera, azimuth in zip(cameras, azimuths, strict=True):
         camera.setdefault("azimuth_deg", round(float(azimuth), 1))
-    values = template.with_given(cameras, filled)
     if "cameras.distance_mm" not in rest:
         distance = _nearest_distance(validate_manifest(values))
         for camera in cameras:

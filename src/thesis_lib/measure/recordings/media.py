@@ -296,9 +296,7 @@ def pack_frames(
         if not files:
             raise MediaError(f"{source}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
         sampled = map(_levels, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)])
-        depth = max(
-            8 if one.dtype == np.uint8 else media_info.depth_for(int(one.max())) for one in sampled
-        )
+        depth = media_info.depth_for(max(int(levels.max()) for levels in sampled))
         if 8 < depth < 16:
             say(
                 f"{source} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale."
