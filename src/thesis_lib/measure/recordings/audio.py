@@ -137,7 +137,7 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
         # MP3 in a container that cannot state its encoder's delay
         hidden = file.format.name == "avi" and track.codec_context.name.startswith("mp3")
         late = MP3_DELAY / rate if film is not None and hidden else 0.0
-        own = rate / pace if pace != 1 else float(rate)
+        own = rate / pace
         stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
         yield AudioTrack(
             rate=own,

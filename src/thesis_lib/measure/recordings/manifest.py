@@ -294,8 +294,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         except (ValueError, OSError, RuntimeError):  # null characters, loops of links
             return True
 
-    named = [("truth", manifest.truth)]
-    counts = []
+    named, counts = [("truth", manifest.truth)], []
     for i, camera in enumerate(manifest.cameras):
         named.append((f"cameras[{i}].video", camera.video))
         where, given = f"cameras[{i}].board_images", camera.board_images

@@ -245,9 +245,7 @@ VIDEO_ENDINGS = frozenset(_LISTS["video_endings"])
 RAW_ENDINGS = frozenset(_LISTS["raw_endings"])
 OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | frozenset(_LISTS["other_endings"])
 MAX_NAME_CHARACTERS = 40  # characters of a camera's name
-_CHAPTER_PATTERN = re.compile(
-    r"(?:G[HXLS](?P<part>\d\d)|GOPR|GP(?P<old>\d\d))(?P<film>\d{4})", re.I
-)
+_CHAPTER_PATTERN = re.compile(r"(?:G[HXLS]\d\d|GOPR|GP\d\d)(\d{4})", re.I)  # film's number
 
 
 def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
@@ -294,7 +292,7 @@ def _check_names(folder: Path, videos: Sequence[Path]) -> None:
             )
         stems[video.stem.casefold()].append(video.name)
         if match := _CHAPTER_PATTERN.fullmatch(video.stem):
-            films[match["film"]].append(video.name)
+            films[match[1]].append(video.name)
     for names in stems.values():
         if len(names) > 1:
             raise ManifestError(
