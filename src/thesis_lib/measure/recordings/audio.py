@@ -243,14 +243,8 @@ def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
 def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
     """Fit a line through time stamps against samples.
 
-    Returns
-    -------
-    first, last : int
-        Frames from the one to before the other are without a jump.
-    start : float
-        Time of the first sample, s.
-    pace : float
-        Seconds of the time stamps for one of the samples.
+    Return the first frame and the one after the last without a jump, the time of the first sample
+    in s, and the pace, in seconds of the time stamps for one of the samples.
     """
     times, rate = np.array(own.times), own.rate
     samples = np.concatenate([[0], np.cumsum(own.counts)]) / rate

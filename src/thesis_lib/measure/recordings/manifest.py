@@ -309,9 +309,10 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         counts.append(len(shots))
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
+            unread = _unread(folder / given) if isinstance(given, str) else ""
             yield (
                 f"{where}: given {format_given(given)}, which is {len(files)} images, allowed: at "
-                f"least 3{_unread(camera, folder)}"
+                f"least 3{unread}"
             )
         for shot in files if isinstance(given, str) else []:  # which may be links
             if outside(str(shot.relative_to(folder))):
@@ -337,12 +338,9 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         )
 
 
-def _unread(camera: CameraFiles, folder: Path) -> str:
-    """List the files of a camera's folder of images that cannot be read."""
-    if (
-        not isinstance(camera.board_images, str)
-        or not (place := folder / camera.board_images).is_dir()
-    ):
+def _unread(place: Path) -> str:
+    """List the files of a folder of images that cannot be read."""
+    if not place.is_dir():
         return ""
     endings = sorted(file.suffix.lower() for file in place.iterdir() if file.is_file())
     others = {ending: endings.count(ending) for ending in endings if ending not in IMAGE_SUFFIXES}

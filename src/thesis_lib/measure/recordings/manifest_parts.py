@@ -279,10 +279,8 @@ class Excitation(Fields):
             self.refuse("sound", 'allowed for several modes: "force" or "room"')
         if self.undersampled and self.frequency_hz is None:
             self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
-        if (
-            self.steady_interval_s is not None
-            and not 0 <= self.steady_interval_s[0] < self.steady_interval_s[1] <= 1e5
-        ):
+        begin, end = self.steady_interval_s or (0.0, 1.0)
+        if not 0 <= begin < end <= 1e5:
             self.refuse(
                 "steady_interval_s", "allowed: [begin, end] in this order, from 0 to 100000, in s"
             )
