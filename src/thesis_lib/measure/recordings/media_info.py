@@ -164,14 +164,14 @@ def start_of(stream: av.VideoStream | av.AudioStream) -> float:
     return float((stream.start_time or 0) * (stream.time_base or 0))
 
 
-def _end_of(stream: av.VideoStream | av.AudioStream) -> float | None:
-    """Return the time in s at which a track ends, None if the file does not say."""
+def _end_of(stream: av.VideoStream | av.AudioStream, start: float) -> float | None:
+    """Return how long after a start in s a track ends, s, None if the file does not say."""
     if stream.duration is not None and stream.time_base is not None:
-        return start_of(stream) + float(stream.duration * stream.time_base)
+        return start_of(stream) + float(stream.duration * stream.time_base) - start
     if "DURATION" not in stream.metadata:
         return None
     hours, minutes, seconds = stream.metadata["DURATION"].split(":")  # as Matroska has it
-    return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+    return 3600 * int(hours) + 60 * int(minutes) + float(seconds) - start
 
 
 def probe_media(path: Path) -> VideoInfo:
@@ -201,13 +201,11 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         if file.format.name not in UNTIMED_FORMATS and first.time is not None:
             start = first.time
         cut = start > start_of(video) + 0.5 / rate
-        end = _end_of(video)
-        duration = None if end is None else end - start
+        duration = _end_of(video, start)
         counts = [video.frames] if video.frames and not cut else []
         if duration is not None:
             counts.append(round(duration * rate))
         sound = file.streams.audio[0] if file.streams.audio else None
-        sound_end = None if sound is None else _end_of(sound)
         depth = stored_depth = max((part.bits for part in first.format.components), default=8)
         if stored_depth == 16:
             depth = _depth_of(path)
@@ -234,7 +232,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
             frame_rate=float(rate),
             frames=min(counts, default=None),  # an edit list may hide stored frames
             duration=duration,
-            sound_end=None if sound_end is None else sound_end - start,
+            sound_end=None if sound is None else _end_of(sound, start),
             codec=video.codec_context.name,
             has_audio=sound is not None,
             interlaced=first.interlaced_frame,
