@@ -3,7 +3,7 @@
 import io
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -256,11 +256,10 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
     RefusedError
         If a camera has no ``azimuth_deg``, ``elevation_deg`` or ``distance_mm``.
     """
-    places = [[getattr(camera, name) for name in PLACE_FIELDS] for camera in cameras]
-    for camera, place in zip(cameras, places, strict=True):
-        for name, value in zip(PLACE_FIELDS, place, strict=True):
-            if value is None:
-                raise RefusedError(f"camera {camera.name}: {name} is not given, allowed: a number")
+    for camera, field in product(cameras, PLACE_FIELDS):
+        if getattr(camera, field) is None:
+            raise RefusedError(f"camera {camera.name}: {field} is not given, allowed: a number")
+    places = [[getattr(camera, field) for field in PLACE_FIELDS] for camera in cameras]
     wide, high = _drawable_mm(paper, landscape=False)
     radius = min(wide, high) / 2 - 12
 
