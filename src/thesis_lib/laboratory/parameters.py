@@ -126,31 +126,6 @@ class Repeated(RenderedStudy):
         return min(count, self.trials + 1)
 
 
-def view_extent(
-    film: CameraParameters | RigRequest,
-    extent: tuple[float, float],
-    lift: float,
-    direction: setups.Direction,
-    distance: float,
-) -> float:
-    """Return the reach of a structure's corners in a 16:9 image, over half its size.
-
-    The structure's `extent` and largest deflection `lift` are in m; the camera looks from a
-    `distance` in m in a `direction` of azimuth and elevation in degrees.
-    """
-    length, width = extent
-    sides = (-length / 2, length / 2), (-width / 2, width / 2), (-lift, lift)
-    corners = np.array(list(itertools.product(*sides)))
-    azimuth, elevation = np.radians(direction)
-    rays = corners - distance * hemisphere_directions(azimuth, elevation)
-    u, v, depth = hemisphere_rotations(azimuth, elevation) @ rays.T
-    if np.any(depth <= 0):
-        return math.inf
-    half = film.sensor_width_mm / film.focal_length_mm / 2
-    spread = 1 + film.lens_k1 * half**2  # lens distortion moves the border by a few percent
-    return float(max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9) * spread / half)
-
-
 def check_motions(film: Any, structure: Structure, name: str, rates: Sequence[float]) -> None:
     """Refuse amplitudes that are not one for each mode, aliases that no fit can use, long frames.
 
@@ -190,18 +165,27 @@ def check_place(
     name: str,
     given: Any,
 ) -> None:
-    """Refuse cameras within the structure's reach, or that do not see all of it.
+    """Refuse cameras within the structure's reach, or that do not see all of it in 16:9 images.
 
-    `name` and `given` are the field that puts the cameras there, and its value.
+    The structure's `extent` and largest deflection `lift` are in m; `name` and `given` are the
+    field that puts the cameras there, and its value.
     """
     reach = 1000 * (math.hypot(*extent) / 2 + lift)
     if setting.distance_mm <= reach:
         far = f"cameras more than {reach:.4g} mm away"
         allowed = f"allowed: {far}, the reach of the structure and its deflection"
         fields.refuse_value(name, given, allowed)
-    for direction in setting.directions_deg:
-        if view_extent(film, extent, lift, direction, setting.distance_mm / 1000) > MAX_VIEW_EXTENT:
-            there = f"azimuth {direction[0]:g}°, elevation {direction[1]:g}°"
+    box = np.array([*extent, 2 * lift]) / 2
+    corners = box * list(itertools.product((-1, 1), repeat=3))
+    half = film.sensor_width_mm / film.focal_length_mm / 2
+    spread = 1 + film.lens_k1 * half**2  # lens distortion moves the border by a few percent
+    for azimuth, elevation in setting.directions_deg:
+        angles = np.radians([azimuth, elevation])
+        rays = corners - setting.distance_mm / 1000 * hemisphere_directions(*angles)
+        u, v, depth = hemisphere_rotations(*angles) @ rays.T
+        seen = max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9) * spread / half
+        if seen > MAX_VIEW_EXTENT:
+            there = f"azimuth {azimuth:g}°, elevation {elevation:g}°"
             one = f"the one at {there}, {setting.distance_mm:g} mm away does not"
             allowed = f"allowed: cameras that see the whole structure; {one}"
             fields.refuse_value(name, given, allowed)
