@@ -17,7 +17,6 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.facts import setups
@@ -210,10 +209,7 @@ def _draw_along(axes: Axes, part: xr.Dataset) -> None:
 def plain_ticks(axis: Axis) -> None:
     """Put ticks of a logarithmic axis at 1, 2 and 5 times powers of ten, or at these alone."""
     low, high = axis.get_view_interval()
-    subs = (1.0, 2.0, 5.0) if high / low < 100 else (1.0,)
-    axis.set_major_locator(LogLocator(subs=subs))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
+    style.make_logarithmic(axis, style.TICK_STEPS[:: 1 if high / low < 100 else 3])
 
 
 def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
