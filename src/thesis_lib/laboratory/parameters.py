@@ -103,11 +103,6 @@ class RenderedStudy(Study):
         """Parameters that only estimates from recordings depend on, as JSON."""
         return self.model_dump_json(include=set(self.estimation_only))
 
-    @property
-    def selection(self) -> str:
-        """Parameters that only choose among recordings, as JSON."""
-        return self.model_dump_json(include=set(self.selection_only))
-
     def wanted_replicates(self, stored: int) -> int:
         """Return how many replicates are wanted where so many are stored."""
         return self.trials + 1
