@@ -294,5 +294,5 @@ def test_the_tracker_knows_where_markers_go_between_frames_that_are_far_apart(
     (straight_on,) = tracking.track_cameras(rig)
     for found in (told, untold):
         assert found.missing < 0.03
-        conforms.closed_form(np.nanmax(found.error()), below=1)
+        conforms.closed_form(np.nanmax(found.error(rig, rig.stations[0])), below=1)
     assert straight_on.missing > 5 * told.missing

@@ -22,8 +22,7 @@ def look(sigma=0.0, seed=0):
             seen = [true_centres(rig, station, times + node * exposure / 2) for node in NODES]
             centres = np.tensordot(WEIGHTS / 2, seen, axes=1)
             noise = np.random.default_rng([seed, rig.seed, number]).standard_normal(centres.shape)
-            truth = true_centres(rig, station, times)
-            found.append(TrackedCentres(times, centres + sigma * noise, truth))
+            found.append(TrackedCentres(times, centres + sigma * noise))
         return found
 
     return one

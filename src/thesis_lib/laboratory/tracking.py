@@ -53,16 +53,16 @@ class TrackedCentres:
     #: As they were found, lens distortion included, px; NaN where missing, shape
     #: (frames, 2, markers)
     centres: Array
-    truth: Array  #: Where they were at the middle of the exposure, px, shape (frames, 2, markers)
 
     @property
     def missing(self) -> float:
         """Return the share of the marker images that are missing."""
         return float(np.mean(np.isnan(self.centres[:, 0])))
 
-    def error(self) -> Array:
-        """Return distance of the centres from where they were, shape (frames, markers), px."""
-        return np.asarray(np.hypot(*(self.centres - self.truth).swapaxes(0, 1)), float)
+    def error(self, rig: Rig, station: Station) -> Array:
+        """Return distances from the places in mid-exposure, shape (frames, markers), px."""
+        truth = true_centres(rig, station, self.times)
+        return np.asarray(np.hypot(*(self.centres - truth).swapaxes(0, 1)), float)
 
 
 def frame_times(rig: Rig, station: Station) -> Array:
@@ -95,8 +95,7 @@ def track_camera(
     station, markers = rig.stations[index], rig.markers
     scene = BeamView(station.camera, markers, rig.motion, station.sensor, corners)
     times = frame_times(rig, station)
-    truth = true_centres(rig, station, times)
-    centres = np.full_like(truth, np.nan)
+    centres = np.full((len(times), 2, markers.count), np.nan)
     turn = 2 * np.pi * min(part.frequency for part in rig.motion.components) / station.frame_rate
     tracker = None
     for k, time in enumerate(times.tolist()):
@@ -106,7 +105,7 @@ def track_camera(
         except TrackingError:
             break
         centres[k] = tracker.centres(image)
-    return TrackedCentres(times, centres, truth)
+    return TrackedCentres(times, centres)
 
 
 def track_cameras(rig: Rig) -> list[TrackedCentres]:
@@ -136,14 +135,14 @@ def record_tracks(
 def read_tracks(tracks: Array, rig: Rig) -> list[TrackedCentres]:
     """Return what the cameras of a rig saw, from their stored tracks.
 
-    `tracks` has the shape (cameras, frames, 2, markers), px. Times and true places are not stored:
-    the rig gives them, to the last bit.
+    `tracks` has the shape (cameras, frames, 2, markers), px. Times are not stored: the rig gives
+    them, to the last bit.
     """
     found = []
     for station, centres in zip(rig.stations, tracks, strict=True):
         times = frame_times(rig, station)
-        times = times[_stored_frames(times, len(centres) - rigs.REST_FRAMES)]
-        found.append(TrackedCentres(times, centres, true_centres(rig, station, times)))
+        stored = _stored_frames(times, len(centres) - rigs.REST_FRAMES)
+        found.append(TrackedCentres(times[stored], centres))
     return found
 
 

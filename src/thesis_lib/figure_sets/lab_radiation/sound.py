@@ -307,5 +307,5 @@ def _project_tracks(rig: Rig, scatter: float) -> list[tracking.TrackedCentres]:
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * station.sensor.exposure
         uv = tracking.true_centres(rig, station, times[:, None] + within).mean(axis=2)
         noise = rig.generator(3, index, 0).standard_normal(uv.shape)
-        found.append(tracking.TrackedCentres(times, uv + scatter * noise, uv))
+        found.append(tracking.TrackedCentres(times, uv + scatter * noise))
     return found
