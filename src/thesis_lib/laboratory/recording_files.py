@@ -114,6 +114,15 @@ def _describe_structure(structure: Structure, markers: Markers) -> manifest_part
         own = {"kind": "plate", "poissons_ratio": structure.poisson, "force_across_mm": _mm(y)}
     elif not isinstance(structure, Beam):
         raise TypeError(f"{type(structure).__name__}: neither a beam nor a plate")
+    own |= {
+        "length_mm": _mm(structure.length),
+        "width_mm": _mm(structure.width),
+        "thickness_mm": _mm(structure.thickness),
+        "density_kg_m3": structure.density,
+        "youngs_modulus_pa": structure.youngs_modulus,
+        "damping": structure.damping,
+        "force_position_mm": _mm(x),
+    }
     given: dict[str, Any] = {
         "diameter_mm": _mm(markers.diameter),
         "tone": "bright" if markers.bright else "dark",
@@ -126,22 +135,10 @@ def _describe_structure(structure: Structure, markers: Markers) -> manifest_part
         "row_spacing_mm": _mm(markers.row_spacing) if len(markers.rows) > 1 else 10.0,
     }
 
-    def spec(layout: dict[str, Any]) -> manifest_parts.StructureSpec:
-        return manifest_parts.StructureSpec(
-            length_mm=_mm(structure.length),
-            width_mm=_mm(structure.width),
-            thickness_mm=_mm(structure.thickness),
-            density_kg_m3=structure.density,
-            youngs_modulus_pa=structure.youngs_modulus,
-            damping=structure.damping,
-            force_position_mm=_mm(x),
-            markers=MarkersSpec(**given, **layout),
-            **own,
-        )
-
-    by_points = spec({"points_mm": tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)})
+    points = {"points_mm": tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)}
+    by_points = manifest_parts.StructureSpec(**own, markers=MarkersSpec(**given, **points))
     try:
-        by_rows = spec(rows)
+        by_rows = manifest_parts.StructureSpec(**own, markers=MarkersSpec(**given, **rows))
     except ValidationError:  # they are no rows
         return by_points
     one, other = by_rows.marker_points, by_points.marker_points
