@@ -25,6 +25,7 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute, figure_set, figures, methods
 from thesis_lib.figure_sets.experiment.figures import MARKERS, WIDTH_IN
+from thesis_lib.laboratory.experiment import compare_deflections
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import Board
@@ -351,9 +352,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
     for method, own in tracks.items():
         every, _ = methods.measure_deflection(own, instant, method, data["exposure"].values)
         measured = every[MARKERS.middle_row]
-        error = 100 * np.abs(measured - reference) / np.abs(reference).max()
-        errors = {"mean": np.sqrt(np.nanmean(error**2)), "largest": np.nanmax(error)}
-        found.append((method, measured, errors))
+        found.append((method, measured, compare_deflections(measured[None], reference)))
     return {
         "methods": found,
         "widest": int(data["width"].max()),
