@@ -131,10 +131,8 @@ class BeamView:
         radius = markers.diameter / 2 * np.sqrt(turn[1] / np.sin(turn[1]))  # of the same area
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         discs = markers.positions[:, :, None] + circle[:, None]
-        length, width = markers.extent
         if corners is None:
-            box = np.array([[0, 0], [length, 0], [length, width], [0, width]])
-            outline = _divide_sides(box, OUTLINE_STEP_M)
+            outline = _divide_sides(markers.corners.T, OUTLINE_STEP_M)
         else:
             outline = divide_hole(tuple(corners), OUTLINE_STEP_M).T
         self.points, self.polygons = _join_print([outline, *discs.swapaxes(0, 1)], sensor)
