@@ -323,11 +323,6 @@ def window_camera(rig: Rig, station: Station, whole: int = 1) -> tuple[Station, 
     return replace(station, camera=crop_camera(camera, low, high)), low.astype(float)
 
 
-def window_rig(rig: Rig) -> Rig:
-    """Let the cameras of a rig read no more of their sensors than the structure reaches."""
-    return replace(rig, stations=tuple(window_camera(rig, one)[0] for one in rig.stations))
-
-
 def replicate_seed(seed: int, replicate: int) -> int:
     """Return the seed of a replicate; that of the first is the request's own."""
     return derive_seed(seed, "again", replicate) if replicate else seed
@@ -335,4 +330,7 @@ def replicate_seed(seed: int, replicate: int) -> int:
 
 def make_replicate(rig: Rig, replicate: int) -> Rig:
     """Return the rig of a replicate: the first as it is, others set up again and windowed."""
-    return window_rig(perturb_cameras(rig)) if replicate else rig
+    if replicate == 0:
+        return rig
+    again = perturb_cameras(rig)
+    return replace(again, stations=tuple(window_camera(again, one)[0] for one in again.stations))
