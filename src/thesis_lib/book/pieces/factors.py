@@ -60,21 +60,14 @@ FACTORS = TypeAdapter(dict[str, Factor]).validate_python(
 
 
 @dataclass(frozen=True)
-class Curve:
-    """One error of one case and mode over one factor."""
+class Curve(verdicts.Series):
+    """One error of one case and mode over one factor, at the settings that have a result."""
 
-    #: Whose error, of which case, and its name in the tables
-    group: str
-    case: str
-    quantity: str
-    mode: int  #: Of which mode
-    values: Array  #: What is varied, growing, shape (settings,)
-    errors: Array  #: In %, of the random trials, shape (settings, trials)
+    group: str  #: Whose error
     #: The cube's prediction and the claimed value in %; NaN where there is none, shape (settings,)
     predicted: Array
     claimed: Array
     elevation: float  #: Of the first camera in the first setting, in degrees
-    lost: int  #: Settings without any result, which are left out
 
     @property
     def rms(self) -> Array:
@@ -84,10 +77,8 @@ class Curve:
     def judge_trend(self, better: int) -> trends.Finding:
         """Test whether the error falls where it should, as the ledger tests trends."""
         test = "falls" if better > 0 else "rises"
-        quantity, case, mode = self.quantity, self.case, self.mode
-        trend = Trend("", 7, "7", (case,), (mode,), (quantity,), "", "", "", (), test)
-        series = verdicts.Series(quantity, case, mode, self.values, self.errors)
-        found = trends.judge_trend(trend, [series])
+        of = (self.case,), (self.mode,), (self.quantity,)
+        found = trends.judge_trend(Trend("", 7, "7", *of, "", "", "", (), test), [self])
         assert found is not None  # the trend is about this very series
         return found
 
@@ -122,13 +113,10 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
                 ]
             )
             predicted = cubes.predicted_value(part, quantity).values.astype(float)
-            lost, elevation = len(values) - len(order), float(elevations[0])
-            values, errors, predicted, claimed = (
-                one[order] for one in (values, errors, predicted, claimed)
-            )
             yield Curve(
-                group, case, quantity, mode, values, errors, predicted, claimed, elevation, lost
-            )
+                quantity, case, mode, values[order], errors[order],
+                group, predicted[order], claimed[order], float(elevations[0]),
+            )  # fmt: skip
 
 
 def fit_exponent(x: Array, y: Array) -> float:
@@ -177,7 +165,6 @@ class Effect:
     unchanged: int
     not_monotonic: int
     single: float  #: Share of single runs in which the trend shows
-    lost: int  #: Settings without a result
 
 
 def estimate_effects(opened: Cubes, factor: Factor) -> list[Effect]:
@@ -217,7 +204,6 @@ def _estimate_effect(group: str, curves: list[Curve], factor: Factor) -> Effect:
             bool(f.step_back) and (f.effect < 1) == (factor.better > 0) for f in findings
         ),
         single=float(np.mean([f.single for f in findings])),
-        lost=max(c.lost for c in curves),
     )
 
 
