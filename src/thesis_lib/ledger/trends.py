@@ -291,12 +291,11 @@ def _planes_alike(evidence: Evidence, argument: str) -> Mask:
 def _like_case(evidence: Evidence, argument: str) -> Mask:
     """``like_case 4a last``: means, or last errors, as another case's."""
     other, _, which = argument.partition(" ")
-    if which == "last":
-        return _all(_close(a[-1], b[-1]) for a, b in evidence.pairs(other))
-    return _all(
-        _close(*(np.exp(np.log(errors).mean(axis=0)) for errors in (a, b)))
-        for a, b in evidence.pairs(other)
-    )
+    compared = [
+        [one[-1] if which == "last" else np.exp(np.log(one).mean(axis=0)) for one in pair]
+        for pair in evidence.pairs(other)
+    ]
+    return _all(_close(*pair) for pair in compared)
 
 
 def _below_case(evidence: Evidence, argument: str) -> Mask:

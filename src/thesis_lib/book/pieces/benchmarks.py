@@ -71,23 +71,16 @@ def compare_contenders(run: Row) -> list[dict[str, Any]]:
     return rows
 
 
-AIMS = {
-    "linear": (OWN_ROW, False, "to_peer"),
-    "refined": (OWN_ROW, True, "to_ceres"),
-}
-"""What was aimed at: the contender, whether refined, and the value that is compared."""
-
-
 def compare_targets(run: Row) -> list[dict[str, Any]]:
-    """Compare with what was aimed at, for each number of cameras."""
-    found = {(row["cameras"], row["name"], row["refined"]): row for row in compare_contenders(run)}
+    """Compare the library with what was aimed at, for each number of cameras."""
+    own = {(r["cameras"], r["refined"]): r for r in compare_contenders(run) if r["name"] == OWN_ROW}
     return [
-        {"cameras": n}
-        | {
-            aim: found.get((n, name, fit), {}).get(value)
-            for aim, (name, fit, value) in AIMS.items()
+        {
+            "cameras": n,
+            "linear": own.get((n, False), {}).get("to_peer"),
+            "refined": own.get((n, True), {}).get("to_ceres"),
         }
-        for n in sorted({cameras for cameras, _, _ in found})
+        for n in sorted({row["cameras"] for row in run["triangulation"]})
     ]
 
 

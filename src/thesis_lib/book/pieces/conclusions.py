@@ -88,20 +88,13 @@ def count_trends(opened: Cubes) -> str:
         named = (one.conclusion for one in factors.FACTORS.values() if of.startswith(one.parameter))
         parts[next(named, "anything else")].append(entry)
     wider = factors.FACTORS["wider"].conclusion
-    agreeing = [e for e in entries if e.verdict == "agrees"]
     return render(
         __file__,
         "conclusions-counted",
-        verdicts=list(verdicts.VERDICTS),
-        parts=[
-            (name, len(part), list(ledger.count_verdicts(part).values()))
-            for name, part in parts.items()
-        ],
-        all={"count": len(entries), "numbers": list(ledger.count_verdicts(entries).values())},
-        differing=[e for e in entries if e.verdict == "differs"],
-        rendered=sum(not e.counted for e in entries),
-        agree=len(agreeing),
-        agree_counted=sum(e.counted for e in agreeing),
+        verdicts=verdicts.VERDICTS,
+        count=ledger.count_verdicts,
+        entries=entries,
+        parts=parts,
         wider=wider,
         level=sum(e.verdict == "agrees" and e.stated in LEVEL_TRENDS for e in parts[wider]),
     )
@@ -144,11 +137,8 @@ def correlate_sound(opened: Cubes) -> str:
             "exponents": slopes,
         }
         rows.append(row)
-    counts = {
-        "all": factors.sound_trends(opened),
-        "aperture": factors.sound_trends(opened, "wider"),
-    }
-    return render(__file__, "conclusions-sound", rows=rows, trends=counts)
+    every, aperture = factors.sound_trends(opened), factors.sound_trends(opened, "wider")
+    return render(__file__, "conclusions-sound", rows=rows, every=every, aperture=aperture)
 
 
 def tabulate_sound_errors(opened: Cubes) -> str:
