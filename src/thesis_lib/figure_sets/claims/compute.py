@@ -65,48 +65,26 @@ class Source:
     """Studies to run, and how their errors are read."""
 
     requests: tuple[Study, ...]  #: What to run
-    #: From the cubes, in the order of the requests, to series
-    read: Callable[[Sequence[xr.Dataset]], list[verdicts.Series]]
+    #: From the number of a request, a case and a varied value to case and value of a series
+    place: Callable[[int, str, float], tuple[str, float]]
 
     @property
     def commands(self) -> list[str]:
         """Commands that build the same cubes."""
         return [study_command(study) for study in self.requests]
 
-
-def _renamed(
-    names: Sequence[Callable[[str], str]], made: Sequence[xr.Dataset]
-) -> list[verdicts.Series]:
-    """Return the series of studies, whose cases are renamed by a function for each study."""
-    pairs = zip(made, names, strict=True)
-    return [series for pair in pairs for series in verdicts.series_of(*pair)]
-
-
-def _across(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
-    """Return one series for each setting, over the studies that differ in one value."""
-    runs = [verdicts.series_of(cube) for cube in made]
-    return [
-        verdicts.Series(
-            first[0].quantity,
-            f"{first[0].case} {label:g}",
-            first[0].mode,
-            np.array(values, float),
-            np.array([one.errors[number] for one in first]),
-        )
-        for first in zip(*runs, strict=True)
-        for number, label in enumerate(first[0].values)
-    ]
-
-
-def _by_layout(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
-    """Return one series over the layouts of one study, each of which has one set of cameras."""
-    by: dict[tuple[str, int], list[Array]] = {}
-    for series in verdicts.series_of(made[0]):
-        by.setdefault((series.quantity, series.mode), []).append(series.errors[0])
-    return [
-        verdicts.Series(quantity, "layouts", mode, np.array(values, float), np.array(errors))
-        for (quantity, mode), errors in by.items()
-    ]
+    def read(self, made: Iterable[xr.Dataset]) -> list[verdicts.Series]:
+        """Return the series of the requests' cubes, in their order."""
+        by: dict[verdicts.Key, list[tuple[float, Array]]] = {}
+        for number, cube in enumerate(made):
+            for one in verdicts.series_of(cube):
+                for value, errors in zip(one.values, one.errors, strict=True):
+                    case, at = self.place(number, one.case, value)
+                    by.setdefault((one.quantity, case, one.mode), []).append((at, errors))
+        return [
+            verdicts.Series(*key, *(np.array(part, float) for part in zip(*rows, strict=True)))
+            for key, rows in by.items()
+        ]
 
 
 def tilt_directions(
@@ -144,19 +122,22 @@ def _structure_sources(structure: str) -> dict[str, Source]:
     distances = setups.setup_table(structure, "distance")["distances_mm"]
     aperture = partial(camera_study, f"{structure}-aperture")
     elevations = setups.setup_table(structure, "aperture")["elevations_deg"]
-    low = [aperture({"cases": ["2a", "2c"], "elevation_deg": phi}) for phi in elevations]
     other = {"4b": "4b-reversed", "4d": "4d-printed"}
     return {
-        f"{structure}-other-order": Source((order,), partial(_renamed, [other.__getitem__])),
+        f"{structure}-other-order": Source((order,), lambda _, case, n: (other[case], n)),
         f"{structure}-tilted": Source(
-            (_layouts(structure, tilts),), partial(_by_layout, TILTS_DEG)
+            (_layouts(structure, tilts),),
+            lambda _, case, n: ("layouts", float(case.removeprefix("tilt "))),
         ),
-        f"{structure}-singly": Source((_layouts(structure, singly),), partial(_renamed, [str])),
+        f"{structure}-singly": Source((_layouts(structure, singly),), lambda _, case, n: (case, n)),
         f"{structure}-apart": Source(
             tuple(aperture({"distance_mm": d}) for d in distances),
-            partial(_renamed, [f"{{}} at {d:g}".format for d in distances]),
+            lambda i, case, alpha: (f"{case} at {distances[i]:g}", alpha),
         ),
-        f"{structure}-elevation": Source(tuple(low), partial(_across, elevations)),
+        f"{structure}-elevation": Source(
+            tuple(aperture({"cases": ["2a", "2c"], "elevation_deg": phi}) for phi in elevations),
+            lambda i, case, alpha: (f"{case} {alpha:g}", elevations[i]),
+        ),
     }
 
 
@@ -194,11 +175,10 @@ def own_sources() -> dict[str, Source]:
         cameras = [[side * azimuth, elevation] for azimuth in pairs for side in (1, -1)]
         layouts[f"{n} {phi} {half}"] = [cameras]
     corners = tuple(_layouts("beam", layouts, distance_mm=d) for d in (near, FAR_RATIO * near))
-    named = partial(_renamed, ["{} near".format, "{} far".format])
     return {
         **_structure_sources("beam"),
         **_structure_sources("plate"),
-        "beam-corners": Source(corners, named),
+        "beam-corners": Source(corners, lambda i, case, n: (f"{case} {('near', 'far')[i]}", n)),
     }
 
 
