@@ -95,9 +95,8 @@ def _quote_claims(claims: tuple[Claim, ...], setting: setups.Setting, mode: int,
         + ("" if claim.values else " for all of the case")
         + f" (figure {claim.figure} {claim.panel})"
         for claim in claims
-        if (claim.case, claim.mode, claim.quantity) == (setting.case, mode, error)
-        and (not claim.values or setting.value in claim.values)
-        and claim.pair_order in ("", setting.pair_order)
+        if (claim.mode, claim.quantity) == (mode, error)
+        and claim.speaks_of(setting.case, setting.value, setting.pair_order)
     )
 
 

@@ -83,19 +83,18 @@ def name_controls(page: html.HtmlElement) -> None:
             fold.find("summary").set("aria-label", f"Pages below: {link.text_content().strip()}")
     superfluous = (
         # Its own text says more
-        (page.xpath("//button[contains(@class, 'search-button-field')]"), "aria-label"),
-        (page.xpath("//summary[@aria-label='Toggle hidden content']"), "aria-label"),
+        ("//button[contains(@class, 'search-button-field')]", "aria-label"),
+        ("//summary[@aria-label='Toggle hidden content']", "aria-label"),
         # A second text next to the name of each symbol
-        (page.xpath("//i[contains(@class, 'theme-switch')]"), "title"),
-        (page.xpath("//form[contains(@class, 'bd-search')]"), "action"),
-        (page.xpath("//form[contains(@class, 'bd-search')]"), "method"),
+        ("//i[contains(@class, 'theme-switch')]", "title"),
+        ("//form[contains(@class, 'bd-search')]", "action"),
+        ("//form[contains(@class, 'bd-search')]", "method"),
     )
-    for elements, name in superfluous:
-        for element in elements:
+    for path, name in superfluous:
+        for element in page.xpath(path):
             element.attrib.pop(name, None)
     for element in page.xpath("//*[@id='pst-primary-sidebar']"):
-        element.set("role", "region")
-        element.set("aria-label", "Title and contents")
+        element.attrib.update({"role": "region", "aria-label": "Title and contents"})
     for element in page.iter("th"):
         if not element.text_content().strip():
             element.tag = "td"  # a head without words is no head
@@ -281,13 +280,14 @@ def find_dark_colour(colour: str) -> str:
     if max(rgb) - min(rgb) < MAX_GREY_SPREAD:
         share = sum(rgb) / 765
         pairs = zip(DARK_INK, DARK_GROUND, strict=True)
-        return _format_colour([ink + share * (ground - ink) for ink, ground in pairs])
-    ground = compute_luminance(DARK_GROUND) + 0.05
-    for step in range(101):
-        lighter = [one + (255 - one) * step / 100 for one in rgb]
-        if compute_luminance(lighter) + 0.05 >= MIN_CONTRAST * ground:
-            break
-    return _format_colour(lighter)
+        shown = [ink + share * (ground - ink) for ink, ground in pairs]
+    else:
+        ground = compute_luminance(DARK_GROUND) + 0.05
+        for step in range(101):
+            shown = [one + (255 - one) * step / 100 for one in rgb]
+            if compute_luminance(shown) + 0.05 >= MIN_CONTRAST * ground:
+                break
+    return f"#{bytes(map(round, shown)).hex()}"
 
 
 def compute_luminance(rgb: Sequence[float]) -> float:
@@ -295,10 +295,6 @@ def compute_luminance(rgb: Sequence[float]) -> float:
     parts = [one / 255 for one in rgb]
     linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def _format_colour(rgb: Sequence[float]) -> str:
-    return "#" + "".join(f"{round(one):02x}" for one in rgb)
 
 
 INDEX_FILE = "_static/entries.js"

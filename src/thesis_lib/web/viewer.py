@@ -105,11 +105,10 @@ class Viewer(anywidget.AnyWidget):
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
         kind = self.data.get("structure", {}).get("kind")
-        esm = html.join_modules("viewer", kind) if kind in html.VIEWER_KINDS else _VIEWER_SCRIPT
+        known = kind in html.VIEWER_KINDS
+        esm, css = html.join_modules("viewer", kind) if known else _VIEWER_SCRIPT, html.VIEWER_CSS
         state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
-        page = html.static_html(esm, html.VIEWER_CSS, state)
-        if self.form and kind in html.VIEWER_KINDS:
-            page = html.static_html(
-                html.join_modules("rerun", kind), FORM_CSS, {**state, "form": self.form}
-            )
+        if self.form and known:
+            esm, css, state["form"] = html.join_modules("rerun", kind), FORM_CSS, self.form
+        page = html.static_html(esm, css, state)
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

@@ -30,22 +30,21 @@ def tabulate_factor(name: str, opened: Cubes) -> str:
     For the aperture, the effect on a pair with noise in all coordinates is predicted by elevation.
     """
     factor = factors.FACTORS[name]
-    effects = []
-    for one in factors.estimate_effects(opened, factor):
-        numbers = one.opposite, one.unchanged, one.not_monotonic
-        against = zip(numbers, ("opposite", verdicts.UNCHANGED, "not monotonic"), strict=True)
-        texts = [f"{number} {word}" for number, word in against if number]
-        effects.append({"effect": one, "predicted": np.median(one.predicted), "against": texts})
     pair: dict[float, float] = {}
     for curve in factors.read_curves(opened, factor) if name == "wider" else ():
         angles = np.radians(curve.values), np.radians(curve.elevation)
         pair[curve.elevation] = factors.end_ratio(cone_law.pair_noise_error(1, 1, *angles), 1)
-    values = {
-        "optimum": _find_optimum(opened) if name == "lower" else None,
-        "pair": sorted(pair.items()),
-        "motion_percent": 100 * cone_law.MAX_MOTION_FRACTION,
-    }
-    return render(__file__, "conclusions-factor", factor=factor, effects=effects, **values)
+    return render(
+        __file__,
+        "conclusions-factor",
+        factor=factor,
+        effects=factors.estimate_effects(opened, factor),
+        median=np.median,
+        unchanged=verdicts.UNCHANGED,
+        optimum=_find_optimum(opened) if name == "lower" else None,
+        pair=sorted(pair.items()),
+        motion_percent=100 * cone_law.MAX_MOTION_FRACTION,
+    )
 
 
 def _find_optimum(opened: Cubes) -> dict[str, Any] | None:
@@ -352,8 +351,7 @@ def _change_ratios(cube: xr.Dataset, quantities: tuple[str, ...]) -> list[tuple[
 
 
 def _symmetry_entry(cube: xr.Dataset) -> ledger.Entry:
-    (entry,) = [e for e in ledger.from_cube(cube) if e.id == "ch3-concluding-t8"]
-    return entry
+    return next(e for e in ledger.from_cube(cube) if e.id == "ch3-concluding-t8")
 
 
 WISHES: dict[str, tuple[str, Callable[[xr.Dataset], Any]]] = {

@@ -263,15 +263,12 @@ def describe_planner(opened: Cubes) -> str:
 
 def tabulate_advice(opened: Cubes) -> str:
     """Tabulate the five pieces of advice: what they bring, and whether they hold."""
-    rows = [
-        (
-            factor.advice,
-            {e.group: (np.median(e.ratios), e) for e in factors.estimate_effects(opened, factor)},
-        )
+    rows = {
+        factor.advice: {one.group: one for one in factors.estimate_effects(opened, factor)}
         for factor in factors.FACTORS.values()
-    ]
-    groups = [group for group in FINDING_GROUPS if any(group in by for _, by in rows)]
-    return render(__file__, "conclusions-result", rows=rows, groups=groups)
+    }
+    groups = [group for group in FINDING_GROUPS if any(group in by for by in rows.values())]
+    return render(__file__, "conclusions-result", rows=rows, groups=groups, median=np.median)
 
 
 def list_findings(opened: Cubes) -> str:
