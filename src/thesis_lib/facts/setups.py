@@ -176,18 +176,8 @@ def array_settings(
 ) -> list[Setting]:
     """Return the cases 4a–4e: pairs added one after the other; then the reader's own layouts.
 
-    Parameters
-    ----------
-    cases : sequence of str
-        Cases of Table 3.4.
-    pair_order : mapping
-        ``printed`` or ``reversed`` by case; cases not named are taken as printed.
-    layouts : mapping
-        Name to a list of growing sets of ``(azimuth, elevation)`` in degrees.
-    distance_mm : float
-        Distance of all cameras.
-    resolution_px : tuple of int
-        Width and height of the sensor.
+    Pairs of a case are added as ``printed`` unless `pair_order` has ``reversed`` for it. `layouts`
+    has growing sets of cameras by name, each with their ``(azimuth, elevation)`` in degrees.
     """
     grown: list[tuple[str, str, Sequence[Sequence[Direction]]]] = []
     for case in cases:
@@ -195,19 +185,13 @@ def array_settings(
         pairs = camera_pairs()[case][:: -1 if order == "reversed" else 1]
         grown.append((case, order, list(accumulate(pairs))))
     grown += [(name, "", sets) for name, sets in layouts.items()]
-    return [
-        Setting(
-            case,
-            len(cameras),
-            f"{len(cameras)} cameras",
-            distance_mm,
-            tuple((float(a), float(e)) for a, e in cameras),
-            resolution_px,
-            order,
-        )
-        for case, order, sets in grown
-        for cameras in sets
-    ]
+    settings = []
+    for case, order, sets in grown:
+        for cameras in sets:
+            n, directions = len(cameras), tuple((float(a), float(e)) for a, e in cameras)
+            at = distance_mm, directions, resolution_px
+            settings.append(Setting(case, n, f"{n} cameras", *at, order))
+    return settings
 
 
 ADOPTED_READING = "adopted"

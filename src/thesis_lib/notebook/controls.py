@@ -41,18 +41,8 @@ class LiveView:
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
     """Return controls of a figure set for the end of its notebook.
 
-    Parameters
-    ----------
-    name : str
-        Name of the figure set.
-    namespace : mapping
-        The notebook's ``globals()``: its parameters are what the controls begin with, and a new
-        cube becomes its ``result``, so that any cell can be run again to show it.
-
-    Returns
-    -------
-    LiveView or None
-        None if the notebook writes its cube to a file, for then nobody is looking.
+    `namespace` is the notebook's ``globals()``: its parameters are what the controls begin with,
+    and a new cube becomes its ``result``, so that any cell can be run again to show it.
     """
     if namespace.get("cube"):  # written to a file: nobody is looking
         return None
@@ -64,12 +54,7 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
 class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no annotations
     """Controls of a figure set, which begin with the values of a request, and its results below.
 
-    Parameters
-    ----------
-    request : Study
-        A validated request.
-    keep : callable
-        Is given each new cube.
+    `keep` is given each new cube.
     """
 
     def __init__(
