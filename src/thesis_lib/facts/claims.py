@@ -352,10 +352,6 @@ def _interval(text: str) -> tuple[float, float]:
     return float(number - half), float(number + half)
 
 
-def _angle_of_view(focal_length: float, *sides: float) -> float:
-    return math.degrees(angle_of_view(math.hypot(*sides), focal_length))
-
-
 def _axes_angle(*directions: float) -> float:
     axes = hemisphere_directions(*np.radians(np.reshape(directions, (2, 2))).T)
     return math.degrees(math.acos(axes[0] @ axes[1]))
@@ -414,7 +410,7 @@ BOOKKEEPING: dict[str, Callable[..., float]] = {  # what only adds up or counts 
 }
 CORRECT_VALUES: dict[str, Callable[..., float]] = {
     **BOOKKEEPING,
-    "view": _angle_of_view,
+    "view": lambda focal, *sides: math.degrees(angle_of_view(math.hypot(*sides), focal)),
     "axes": _axes_angle,
     "root": lambda n: cantilever_roots(n)[-1],
     "sine_factor": _sine_factor,

@@ -222,9 +222,7 @@ def sound_trends(opened: Cubes, *factors: str) -> tuple[int, int]:
 
 
 FIGURE_FILE = "conclusions.svg"
-_SUBJECTS = ("beam", "plate", "sound", "experiment")
-_COLORS = (style.BLUE, style.ORANGE, style.GREEN, style.RED)
-PANEL_GROUPS = dict(zip(_SUBJECTS, _COLORS, strict=True))
+PANEL_GROUPS = dict(beam=style.BLUE, plate=style.ORANGE, sound=style.GREEN, experiment=style.RED)
 CLAIM_MARK: dict[str, Any] = {"marker": "D", "markersize": 4, "markerfacecolor": "none"}
 
 

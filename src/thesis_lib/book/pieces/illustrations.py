@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -132,13 +133,6 @@ def draw_plate_errors(cube: xr.Dataset) -> Figure:
     style.make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
     axes.set(ylabel="error of the deflection, %", ylim=(None, 400))
     axes.set_xlabel("what is varied, from its first setting to its last")
-    return drawing
-
-
-def _draw_own(cube: xr.Dataset, name: str, which: tuple[int, ...] = ()) -> Figure:
-    """Draw a figure set's own figure by its name, and what else it is given, of its cube."""
-    drawing = display.draw_picture(cube, name, *which)
-    assert drawing is not None
     return drawing
 
 
@@ -286,22 +280,22 @@ def _range_words(settings: list[setups.Setting]) -> str:
 
 
 FACTS = "facts"
-FIGURES: dict[str, tuple[str, Callable[..., Figure]]] = {
+FIGURES: dict[str, tuple[str, Callable[..., Any]]] = {
     **{
         f"{body}-{what}.svg": (f"{body}-{what}", partial(draw_varied, what))
         for body in ("beam", "plate")
         for what in VARIED
     },
     **{
-        f"cameras-{name}.svg": ("cameras", partial(_draw_own, name=name))
+        f"cameras-{name}.svg": ("cameras", partial(display.draw_picture, name=name))
         for name in ("view", "projection", "pixels", "mosaic")
     },
     "layouts-elevation.svg": ("lab-elevation", draw_elevations),
     "layouts-far.svg": ("lab-layout", draw_distances),
     "layouts-sets.svg": ("lab-layout", partial(display.draw_figure, case="subsets", mode=1)),
-    "equal-pixels.svg": ("lab-equal-pixels", partial(_draw_own, name="claim")),
+    "equal-pixels.svg": ("lab-equal-pixels", partial(display.draw_picture, name="claim")),
     "motions-ways.svg": ("lab-modes", draw_few_frames),
-    "motions-aliases.svg": ("lab-modes", partial(_draw_own, name="aliases", which=(2,))),
+    "motions-aliases.svg": ("lab-modes", lambda cube: display.draw_picture(cube, "aliases", 2)),
     "motions-plate.svg": ("lab-plate", draw_plate_errors),
     "beam-modes.svg": (FACTS, draw_beam_modes),
     "plate-modes.svg": (FACTS, draw_plate_modes),
