@@ -89,34 +89,32 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
         if (whole := opened.get(name)) is None:
             continue
         cube = whole.drop_dims("point", errors="ignore")  # to select from, too
-        modes = cube["mode"].values.tolist()
         quantities = PLANE_ERRORS if group.startswith("sound") else MEAN_ERRORS
-        parts = {
-            of: selection.select_settings(cube, *of)
-            for of in product(cases or selection.list_cases(cube), modes)
-        }
-        for ((case, mode), part), quantity in product(parts.items(), quantities):
+        of = product(cases or selection.list_cases(cube), cube["mode"].values.tolist())
+        for case, mode in of:
+            part = selection.select_settings(cube, case, mode)
             elevations = part["camera_elevation"].isel(camera=0)
             values = (elevations if factor.by_elevation else part["value"]).values.astype(float)
-            drawn = cubes.cube_error(part, quantity).transpose("setting", "trial")[:, 1:]
-            errors = drawn.values.astype(float)
-            finite = np.flatnonzero(np.isfinite(errors).all(axis=1))
-            if len(finite) < 2 or not errors.shape[1]:
-                continue
-            order = finite[np.argsort(values[finite], kind="stable")]
-            claimed = np.array(  # the middle of what is claimed, unless that is a bound
-                [
-                    (claim.low + claim.high) / 2
-                    if claim and claim.values and None not in claim.ends
-                    else float("nan")
-                    for claim in selection.claimed_errors(cube, case, mode, quantity)
-                ]
-            )
-            predicted = cubes.predicted_value(part, quantity).values.astype(float)
-            yield Curve(
-                quantity, case, mode, values[order], errors[order],
-                group, predicted[order], claimed[order], float(elevations[0]),
-            )  # fmt: skip
+            for quantity in quantities:
+                drawn = cubes.cube_error(part, quantity).transpose("setting", "trial")[:, 1:]
+                errors = drawn.values.astype(float)
+                finite = np.flatnonzero(np.isfinite(errors).all(axis=1))
+                if len(finite) < 2 or not errors.shape[1]:
+                    continue
+                order = finite[np.argsort(values[finite], kind="stable")]
+                claimed = np.array(  # the middle of what is claimed, unless that is a bound
+                    [
+                        (claim.low + claim.high) / 2
+                        if claim and claim.values and None not in claim.ends
+                        else float("nan")
+                        for claim in selection.claimed_errors(cube, case, mode, quantity)
+                    ]
+                )
+                predicted = cubes.predicted_value(part, quantity).values.astype(float)
+                yield Curve(
+                    quantity, case, mode, values[order], errors[order],
+                    group, predicted[order], claimed[order], float(elevations[0]),
+                )  # fmt: skip
 
 
 def fit_exponent(x: Array, y: Array) -> float:

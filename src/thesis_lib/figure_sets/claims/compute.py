@@ -144,9 +144,8 @@ def _structure_sources(structure: str) -> dict[str, Source]:
 def _askew(study: CameraStudy) -> list[verdicts.Series]:
     """Measure a plate's first mode, and a sum of modes without symmetry, by cameras of 4a."""
     plate, peak = study.structure, study.peaks_m[0]
-    plain = structures.deflection_shape(plate, 1, plate.markers, peak)
     every = [structures.deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW_MODES]
-    askew = np.sum(every, axis=0)
+    plain, askew = every[0], np.sum(every, axis=0)
     shapes = np.stack([0 * plain, plain, askew * (np.abs(plain).max() / np.abs(askew).max())])
     points = structures.world_points(plate, shapes)
     errors, settings = [], study.settings()
