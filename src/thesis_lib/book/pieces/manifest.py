@@ -123,37 +123,24 @@ def state_rule() -> str:
         "without loss": assess.LOSSLESS_ERROR_PX,
         "rounded to whole pixels, as in the thesis": whole,
     }
-    films = [
-        (name, [assess.format_error_share(error / moved) for moved in motions_px])
-        for name, error in errors_px.items()
-    ]
-    return render(__file__, "film-rule", motions_px=motions_px, films=films)
+    values = {"errors_px": errors_px, "share": assess.format_error_share}
+    return render(__file__, "film-rule", motions_px=motions_px, **values)
 
 
 def answer_for_plate() -> str:
     """Answer for the plate: what to type, what comes out, and whether it will do."""
-    rows: list[dict[str, Any]] = []
-    for name, phone in FILMS["phones"].items():
-        assessed = assess.assess_manifest(prediction.draft_manifest(EXAMPLE_PLATE | phone))
-        verdict = assessed.verdict
-        row = {
-            "name": name,
-            "assessed": assessed,
-            "pixel_mm": assessed.table[0].ground_sample_mm,
-            "motion_px": min(one.motion_px for one in assessed.table),
-            "enough": verdict.outcome == "compressed",
-            "compressed": assess.format_error_share(verdict.compressed),
-            "lossless": assess.format_error_share(verdict.lossless),
-            "whole": assess.format_error_share(verdict.whole_pixels),
-        }
-        rows.append(row)
-    full_hd = rows[0]["assessed"]
+    phones = {
+        name: assess.assess_manifest(prediction.draft_manifest(EXAMPLE_PLATE | phone))
+        for name, phone in FILMS["phones"].items()
+    }
+    full_hd = phones["full HD"]
     given = [f"-p {name}={shlex.quote(str(value))}" for name, value in EXAMPLE_PLATE.items()]
     lines = [" ".join(given[i : i + 3]) for i in range(0, len(given), 3)]  # that a page can show
     return render(
         __file__,
         "film-answer",
-        rows=rows,
+        phones=phones,
+        share=assess.format_error_share,
         frequency_hz=EXAMPLE_PLATE["excitation.frequency_hz"],
         known_hz=messages.CHECK_LIMITS["alias"] / full_hd.rig.steady_interval_s,
         command=" \\\n    ".join(["thesis measure --new plate", *lines]),
