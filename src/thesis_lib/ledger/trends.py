@@ -35,7 +35,7 @@ alike
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import combinations, product
 from typing import Any
 
@@ -201,9 +201,9 @@ def _within(evidence: Evidence, argument: str) -> Mask:
     modes = evidence.trend.modes
     found = []
     for mode, (low, high) in zip(modes, np.broadcast_to(ends, (len(modes), 2)), strict=True):
-        alone = replace(evidence, trend=replace(evidence.trend, modes=(mode,)))
         low, high = (1 - MIN_MATERIAL_FALL) * low, (1 + MIN_MATERIAL_FALL) * high
-        found += [((low <= e) & (e <= high)).all(axis=0) for e in alone.series]
+        own = [errors for key, errors in evidence.named if key[2] == mode]
+        found += [((low <= errors) & (errors <= high)).all(axis=0) for errors in own]
     return _all(found)
 
 

@@ -91,10 +91,7 @@ def _format_default(model: type[BaseModel], name: str) -> str:
     field, unit = model.model_fields[name], unit_of_field(name)
     if field.is_required():
         return f"required, in {unit}" if unit else "required"
-    if any(one.is_required() for one in model.model_fields.values()):
-        value = field.get_default(call_default_factory=True)
-    else:
-        value = getattr(model(), name)
+    value = getattr(model.model_construct(), name)  # also if other fields are required
     if isinstance(value, BaseModel):
         return "its fields below"
     if value is None:
