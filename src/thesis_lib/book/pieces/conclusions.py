@@ -290,30 +290,18 @@ def tabulate_wishes(opened: Cubes) -> str:
         name: None if (cube := opened.get(of)) is None else compute(cube)
         for name, (of, compute) in WISHES.items()
     }
-    return render(__file__, "conclusions-wishes", elevations=_find_optimum(opened), **values)
+    values |= {"elevations": _find_optimum(opened), "median": np.nanmedian}
+    return render(__file__, "conclusions-wishes", **values)
 
 
-def _case_errors(cube: xr.Dataset, case: str) -> dict[str, Any]:
-    labels = selection.select_settings(cube, case, 1)["label"].values
-    return {"labels": labels, "errors": selection.error_bars(cube, case, 1).band[1]}
-
-
-def _compare_pairs(cube: xr.Dataset) -> dict[str, Any]:
-    """Return the best and the worst pair of the experiment's cameras, and the error of all."""
-    part = selection.select_settings(cube, "literal-all", 1)
-    error, counts = selection.error_bars(cube, "literal-all", 1).band[1], part["n_cameras"].values
-    pairs, labels = (values[counts == 2] for values in (error, part["label"].values))
-    which = {"best": np.argmin(pairs), "worst": np.argmax(pairs)}
-    ends = {name: (pairs[i], labels[i]) for name, i in which.items()}
-    return {"sets": len(error), "all": error[np.argmax(counts)], **ends}
-
-
-def _compare_sets(cube: xr.Dataset) -> dict[str, Any]:
-    """Return the median error of pairs of the rendered cameras, and of all."""
-    error = selection.error_bars(cube, "subsets", 1).band[1]
-    numbers = selection.select_settings(cube, "subsets", 1)["n_cameras"].values
-    few, many = (np.nanmedian(error[numbers == n]) for n in (2, numbers.max()))
-    return {"sets": len(error), "most": numbers.max(), "pairs": few, "all": many}
+def _case_errors(cube: xr.Dataset, case: str) -> list[dict[str, Any]]:
+    """Return the label, number of cameras and median error of each setting of a case in mode 1."""
+    part, error = selection.select_settings(cube, case, 1), selection.error_bars(cube, case, 1)
+    columns = part["label"].values, part["n_cameras"].values, error.band[1]
+    return [
+        {"label": label, "n_cameras": n_cameras, "error": median}
+        for label, n_cameras, median in zip(*columns, strict=True)
+    ]
 
 
 def _last_settings(cube: xr.Dataset) -> list[xr.Dataset]:
@@ -357,8 +345,8 @@ def _symmetry_entry(cube: xr.Dataset) -> ledger.Entry:
 WISHES: dict[str, tuple[str, Callable[[xr.Dataset], Any]]] = {
     "distances": ("lab-layout", partial(_case_errors, case="distance")),
     "apertures": ("lab-layout", partial(_case_errors, case="aperture")),
-    "pairs": ("experiment-cameras", _compare_pairs),
-    "sets": ("lab-layout", _compare_sets),
+    "pairs": ("experiment-cameras", partial(_case_errors, case="literal-all")),
+    "sets": ("lab-layout", partial(_case_errors, case="subsets")),
     "coarse": ("lab-equal-pixels", _last_settings),
     "modes": ("lab-modes", _read_modes),
     "plate": ("lab-plate", partial(_change_ratios, quantities=factors.MEAN_ERRORS)),
