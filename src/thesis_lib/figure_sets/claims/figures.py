@@ -145,24 +145,6 @@ def count_totals(cube: xr.Dataset) -> dict[str, Any]:
     return {"rows": rows, "every": every, "verdicts": verdicts.VERDICTS}
 
 
-def compare_power(cube: xr.Dataset) -> dict[str, Any]:
-    """Show how many claimed values the model meets and would meet, also with other errors."""
-    own = int(np.flatnonzero(cube["factor"].values == 1)[0])
-    rows: list[dict[str, Any]] = [
-        {
-            "chapter": int(part["chapter"]),
-            "claims": int(part["power_claims"]),
-            "expected": float(part["power_expected"]),
-            "met": int(part["power_scaled"][own]),
-            "scaled": part["power_scaled"].values,
-        }
-        for part in iterate_slices(cube, "chapter")
-        if part["power_claims"]
-    ]
-    claims, met, expected = (sum(row[key] for row in rows) for key in ("claims", "met", "expected"))
-    return {"rows": rows, "claims": claims, "met": met, "expected": expected / claims}
-
-
 RULES = {  # tolerances, which are equal for all claims
     "wider": verdicts.WIDENING_POINTS,
     "wider_below_10": verdicts.WIDENING_POINTS_BELOW_10,
@@ -267,7 +249,6 @@ def best_reading(cube: xr.Dataset) -> dict[str, Any]:
 
 TEXTS = {
     "totals": count_totals,
-    "power": compare_power,
     "rules": lambda _: RULES,
     "differing": list_differing,
     "interpretations": lambda cube: {"rows": _interpretations(cube)},
