@@ -219,7 +219,7 @@ def run_sphinx(root: Path, builder: str) -> Path:
 def install_assets(root: Path) -> Path:
     """Install what pages need in ``build/assets``, unless the locked version is there.
 
-    BookError tells that the lock file or npm is missing, or that the installation has failed.
+    BookError reports that the lock file or npm is missing, or that the installation has failed.
     """
     lock, assets = root / "package-lock.json", root / "build" / "assets"
     try:

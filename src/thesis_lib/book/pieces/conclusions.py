@@ -209,17 +209,9 @@ def tabulate_costs(opened: Cubes) -> str:
                 if group == one.group and of in opened
                 for case in cases or selection.list_cases(opened[of])
             ]
-            row = {
-                "conclusion": factor.conclusion,
-                "symbol": factor.symbol,
-                "effect": one,
-                "ratio": np.median(one.ratios),
-                "factor": halving,
-                "pixels": {"finer": (halving or 0) ** 2, "more": halving}.get(name),
-                "visible": min(shares),
-            }
-            rows.append(row)
-    return render(__file__, "conclusions-costs", rows=rows)
+            pixels = {"finer": (halving or 0) ** 2, "more": halving}.get(name)
+            rows.append((factor, one, halving, pixels, min(shares)))
+    return render(__file__, "conclusions-costs", rows=rows, median=np.median)
 
 
 class EqualPixels(NamedTuple):
