@@ -127,15 +127,8 @@ def correlate_sound(opened: Cubes) -> str:
             orders.append(order)
             slopes.append(factors.fit_exponent(*expected))
             draws += single
-        row = {
-            "varied": varied,
-            "settings": cube.sizes["setting"],
-            "orders": orders,
-            "single_median": np.median(draws),
-            "positive": np.mean(np.array(draws) > 0),
-            "exponents": slopes,
-        }
-        rows.append(row)
+        median, positive = np.median(draws), np.mean(np.array(draws) > 0)
+        rows.append((varied, cube.sizes["setting"], orders, median, positive, slopes))
     every, aperture = factors.sound_trends(opened), factors.sound_trends(opened, "wider")
     return render(__file__, "conclusions-sound", rows=rows, every=every, aperture=aperture)
 

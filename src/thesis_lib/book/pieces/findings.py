@@ -115,14 +115,9 @@ def describe_repeats(opened: Cubes) -> str:
         error = opened[study.name]["mean_error"].transpose("trial", ...).values
         error = error[:, np.isfinite(error).all(axis=0)]
         first, others = error[0], error[1:]
-        row = {
-            "study": study,
-            "others": len(others),
-            "scatter": np.median(others.std(0) / others.mean(0)),
-            "above": np.mean(first > others.max(0)),
-            "below": np.mean(first < others.min(0)),
-        }
-        rows.append(row)
+        scatter = np.median(others.std(0) / others.mean(0))
+        above, below = np.mean(first > others.max(0)), np.mean(first < others.min(0))
+        rows.append((study, len(others), scatter, above, below))
     values = {"shift_mm": 1000 * rig.PLACE_STD_M, "turn_deg": np.degrees(rig.TURN_STD_RAD)}
     return render(__file__, "lab-repeats", rows=rows, **values)
 

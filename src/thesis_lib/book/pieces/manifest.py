@@ -75,12 +75,7 @@ def list_fields(part: str) -> str:
     """List the fields of a part of :data:`MANIFEST_PARTS`, as a Markdown definition list."""
     model = MANIFEST_PARTS[part]
     fields = [
-        {
-            "name": name,
-            "default": _format_default(model, name),
-            "meaning": describe_field(model, name),
-            "allowed": describe_allowed(model, name),
-        }
+        (name, *(of(model, name) for of in (_format_default, describe_field, describe_allowed)))
         for name in model.model_fields
     ]
     return render(__file__, "record-fields", fields=fields)
