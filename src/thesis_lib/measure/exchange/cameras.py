@@ -21,13 +21,7 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
-from thesis_lib.measure.calibration.bundle_adjustment import (
-    LENS_UNKNOWNS,
-    POSE_UNKNOWNS,
-    camera_deviations,
-    camera_unknowns,
-    without_boards,
-)
+from thesis_lib.measure.calibration import bundle_adjustment as bundle
 from thesis_lib.measure.calibration.rig import cameras_in
 from thesis_lib.measure.recordings import text_files
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
@@ -323,26 +317,23 @@ def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
         )
     covariance = found.covariance
     if covariance is not None:
-        rows = camera_unknowns(np.array(order), len(names))
+        rows = bundle.camera_unknowns(np.array(order), len(names))
         covariance = covariance[np.ix_(rows, rows)]
     return Found([found.cameras[k] for k in order], found.placed, covariance)
 
 
 def describe_reused(cameras: Sequence[Camera], covariance: Array | None) -> xr.Dataset:
     """Return the record of a reused calibration; its deviations are NaN without a covariance."""
-    n = len(cameras)
-    lenses = POSE_UNKNOWNS * n
+    network, lenses = bundle.without_boards(cameras), bundle.POSE_UNKNOWNS * len(cameras)
     if covariance is None:
-        unknowns = lenses + LENS_UNKNOWNS * n
-        covariance = np.full((unknowns, unknowns), np.nan)
+        covariance = np.full((network.unknowns, network.unknowns), np.nan)
+    centres, _ = bundle.camera_deviations(network, covariance)
     own = {name: np.array([getattr(one, name) for one in cameras]) for name in _CAMERA_VARIABLES}
     values = own | {
         "board_poses": 0,
-        "shots_used": np.zeros(n, int),
-        "focal_deviation": np.sqrt(np.diag(covariance)[lenses::LENS_UNKNOWNS]),
-        "centre_deviation": np.linalg.norm(
-            camera_deviations(without_boards(cameras), covariance)[0], axis=1
-        ),
+        "shots_used": np.zeros(len(cameras), int),
+        "focal_deviation": np.sqrt(np.diag(covariance)[lenses :: bundle.LENS_UNKNOWNS]),
+        "centre_deviation": np.linalg.norm(centres, axis=1),
         "covariance": covariance,
     }
     names = [one.name for one in cameras]
