@@ -21,6 +21,7 @@ from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.cameras import write_cameras
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 
 MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in one row or column
@@ -61,9 +62,9 @@ def write_formats(
     if "receptance_real" in data:
         write_response(folder / "response.uff", data)
     elif "mode" in data.dims:
-        write_modes(folder / "modes.uff", data)
-        for k in range(data.sizes["mode"]):
-            write_vtk(folder / "vtk" / f"mode-{k + 1}", data.isel(mode=k))
+        write_uff(folder / "modes.uff", data)
+        for k, one in enumerate(iterate_slices(data, "mode"), 1):
+            write_vtk(folder / "vtk" / f"mode-{k}", one)
     elif moved is not None:
         write_uff(folder / "shapes.uff", data)
         write_matlab(folder / "measured.mat", data, moved)
@@ -203,51 +204,37 @@ def _join_numbers(values: Array | IntArray) -> str:
 
 
 def write_uff(path: Path, data: xr.Dataset) -> None:
-    """Write the markers and their motion as universal datasets 151, 164, 15, 82, 55 and 58.
+    """Write the markers and their shapes as universal datasets 151, 164, 15, 82, 55 and 58.
 
     Markers are nodes 1, 2, … at their places on the structure (dataset 15, SI units by 164), lines
-    join neighbours (82). The complex amplitude of the deflection at the frequency of the vibration
-    is dataset 55, a shape along Z; and once more, node by node, one period of the fitted motion as
-    a time response, dataset 58, which programs animate that know no shapes. Markers without a
-    result are left out of both.
+    join neighbours (82). The complex amplitude of each mode, or of the one deflection, is dataset
+    55, a shape along Z: damped modes are complex eigenvectors with their eigenvalue in 1/s, steady
+    tones are responses at a frequency. Of one deflection there is, node by node, also one period of
+    the fitted motion as a time response, dataset 58, which programs animate that know no shapes.
+    Markers without a result are left out.
     """
-    frequency, name = float(data["frequency"]), _title_of(data)
-    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
-    mode = _shape_set(name, amplitude, analysis_type=5, data_ch=2, freq_step_n=1, freq=frequency)
-    times = np.arange(SAMPLES_PER_PERIOD) / (SAMPLES_PER_PERIOD * frequency)
-    period = np.real(amplitude[:, None] * np.exp(2j * np.pi * frequency * times))
-    _write_sets(path, name, data, [mode, *_responses(name, times, period)])
-
-
-def write_modes(path: Path, data: xr.Dataset) -> None:
-    """Write the markers and several modes: datasets 151, 164, 15, 82 and, for each, 55.
-
-    Damped modes are complex eigenvectors with their eigenvalue in 1/s, steady tones are responses
-    at a frequency. Markers without a result are left out.
-    """
-    name, sets = _title_of(data), []
-    for k in range(data.sizes["mode"]):
-        one = data.isel(mode=k)
+    name, sets = _title_of(data), list[dict[str, Any]]()
+    several = "mode" in data.dims
+    for k, one in enumerate(iterate_slices(data, "mode") if several else [data], 1):
         shape = one["amplitude_real"].values + 1j * one["amplitude_imag"].values
-        frequency, zeta = float(one["frequency"]), float(one["damping"])
-        kind: dict[str, Any] = {"analysis_type": 5, "data_ch": 2, "freq_step_n": k + 1,
+        frequency, zeta = float(one["frequency"]), float(one.get("damping", 0))
+        kind: dict[str, Any] = {"analysis_type": 5, "data_ch": 2, "freq_step_n": k,
                                 "freq": frequency}  # fmt: skip
         if zeta:
             eigenvalue = 2 * np.pi * frequency * complex(-zeta, np.sqrt(1 - zeta**2))
-            kind = {"analysis_type": 3, "data_ch": 3, "mode_n": k + 1, "eig": eigenvalue,
+            kind = {"analysis_type": 3, "data_ch": 3, "mode_n": k, "eig": eigenvalue,
                     "modal_a": 1 + 0j, "modal_b": 1 + 0j}  # fmt: skip
-        sets.append(_shape_set(name, shape, **kind))
+        known = np.isfinite(shape)
+        along = shape[known]
+        sets.append(pyuff.prepare_55(
+            id1=name, model_type=1, spec_data_type=8, data_type=5, n_data_per_node=3, load_case=1,
+            node_nums=np.flatnonzero(known) + 1, r1=0 * along, r2=0 * along, r3=along, **kind
+        ))  # fmt: skip
+    if not several:
+        times = np.arange(SAMPLES_PER_PERIOD) / (SAMPLES_PER_PERIOD * frequency)
+        period = np.real(shape[:, None] * np.exp(2j * np.pi * frequency * times))
+        sets += _responses(name, times, period)
     _write_sets(path, name, data, sets)
-
-
-def _shape_set(name: str, amplitude: ComplexArray, **kind: Any) -> Any:
-    """Return a dataset 55 of deflections along Z of the markers that have one."""
-    known = np.isfinite(amplitude)
-    shape = amplitude[known]
-    return pyuff.prepare_55(
-        id1=name, model_type=1, spec_data_type=8, data_type=5, n_data_per_node=3, load_case=1,
-        node_nums=np.flatnonzero(known) + 1, r1=0 * shape, r2=0 * shape, r3=shape, **kind
-    )  # fmt: skip
 
 
 def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
