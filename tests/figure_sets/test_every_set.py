@@ -287,6 +287,15 @@ def test_cubes_of_the_book_have_units_and_long_names(name):
 
 
 @pytest.mark.book
+@pytest.mark.parametrize("name", STUDIES)
+def test_markers_of_the_book_are_on_the_structure_that_is_drawn(name):
+    cube = cube_file.read_built(STUDIES[name]())
+    if {"x", "y", "outline"} <= set(cube.coords):
+        for axis, size in zip("xy", schema.structure_extent(cube), strict=True):
+            assert 0 < cube[axis].min() <= cube[axis].max() < size
+
+
+@pytest.mark.book
 @pytest.mark.few(9)
 @pytest.mark.parametrize("name", STUDIES)
 def test_no_figure_of_the_book_misleads(name):

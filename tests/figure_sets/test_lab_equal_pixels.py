@@ -55,7 +55,7 @@ def test_by_the_law_of_edges_equal_pixels_cost_the_fourth_root_of_their_number()
 def test_a_marker_that_bends_shows_less_by_what_its_edge_shows():
     """Edges projected at rest and deflected, and the shift that fits them by least squares."""
     request = study(grid=[7, 5], diameters_mm=[40.0], cases=["pixels"])
-    plate, turn = request.plate, np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    plate, turn = request.structure, np.linspace(0, 2 * np.pi, 400, endpoint=False)
     edge = 0.02 * np.stack([np.cos(turn), np.sin(turn)])
     beside = np.concatenate([np.zeros((2, 1)), edge], axis=1)  # the centre first
     shape = deflection_shape(plate, 1, beside + np.array(plate.extent)[:, None] / 2, 1e-4)
@@ -102,7 +102,9 @@ def test_bands_of_ratios_hold_the_truth_as_often_as_they_say():
 
 
 def _shape(request):
-    return deflection_shape(request.plate, 1, request.plate.markers, request.amplitude_mm / 1000)
+    return deflection_shape(
+        request.structure, 1, request.structure.markers, request.amplitude_mm / 1000
+    )
 
 
 # Recordings.
