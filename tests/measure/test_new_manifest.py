@@ -61,18 +61,21 @@ def test_what_files_show_is_in_the_manifest_and_what_is_missing_is_said(folder):
     assert "  length_mm: 623.0  # CHECK: length along x" in text
 
 
-def test_the_assumed_fields_can_be_pasted_as_they_are_said(folder):
-    first = thesis("measure", "--new", folder)
-    one = read_manifest(folder / "manifest.yaml", check_files=False)
-    (folder / "manifest.yaml").unlink()
+@pytest.mark.parametrize(
+    ("name", "given"), [("manifest.yaml", []), ("planned.yaml", ["-p", "cameras=3"])]
+)
+def test_the_assumed_fields_can_be_pasted_as_they_are_said(folder, name, given):
+    first, file = thesis("measure", "--new", folder, *given), folder / name
+    one = read_manifest(file, check_files=False)
+    file.unlink()
     marks = "not given, so assumed: -p "
     said = [line[len(marks) :] for line in first.out.splitlines() if line.startswith(marks)]
     assert len(said) > 15
-    given = [part for line in said for part in ("-p", line)]
-    second = thesis("measure", "--new", folder, *given)
+    pasted = [part for line in said for part in ("-p", line)]
+    second = thesis("measure", "--new", folder, *given, *pasted)
     assert marks not in second.out
-    assert read_manifest(folder / "manifest.yaml", check_files=False) == one
-    assert "CHECK:" not in (folder / "manifest.yaml").read_text(encoding="utf-8")
+    assert read_manifest(file, check_files=False) == one
+    assert "CHECK:" not in file.read_text(encoding="utf-8")
 
 
 GIVEN = {

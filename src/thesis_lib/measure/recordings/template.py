@@ -196,7 +196,7 @@ def list_assumed(
             value: Any = manifest
             for part in name.split("."):
                 value = getattr(value, part)
-                value = value[0] if isinstance(value, tuple) else value
+                value = value[0] if part == "cameras" else value
             yield format_new("assumed", name=name, value=json.dumps(value))
 
 
