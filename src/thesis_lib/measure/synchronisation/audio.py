@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain, repeat, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -79,18 +80,12 @@ def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
 def hold_signal(blocks: Iterable[Array], skip: int) -> tuple[Track, int]:
     """Return the whole signal, or, if it is too long, `SPAN_SAMPLES` samples from `skip` on.
 
-    All blocks are read. The second value is the number of samples before those returned.
+    The second value is the number of samples before those returned.
     """
-    size, begin, count = 0, 0, 0
-    kept = np.empty(SPAN_SAMPLES, np.float32)
-    for block in blocks:
-        if not begin and skip and size + len(block) > SPAN_SAMPLES:
-            begin, size = skip, max(size - skip, 0)
-            kept[:size] = kept[skip : skip + size].copy()
-        part = block[max(begin - count, 0) :][: SPAN_SAMPLES - size]
-        kept[size : size + len(part)] = part
-        size, count = size + len(part), count + len(block)
-    return kept[:size].copy(), begin
+    parts = (np.asarray(part, np.float32) for part in part_of(blocks, 0, skip + SPAN_SAMPLES))
+    held = np.concatenate([np.empty(0, np.float32), *parts])
+    begin = skip if len(held) > SPAN_SAMPLES else 0
+    return held[begin : begin + SPAN_SAMPLES], begin
 
 
 def without_ends(blocks: Iterable[Array], n: int) -> Iterator[Array]:
@@ -108,17 +103,15 @@ def joint_spans(tracks: Sequence[Iterable[Array]]) -> Iterator[list[Track]]:
 
     The first is given in any case; others while the first signal and another one last.
     """
-    halves = [_signal_pieces(track, SPAN_SAMPLES // 2) for track in tracks]
     none = np.empty(0, np.float32)
-    before = [next(half, none) for half in halves]
-    first = True
-    while True:
-        after = [next(half, none) for half in halves]
-        if not first and not (len(after[0]) and any(map(len, after[1:]))):
+    pieces = [_signal_pieces(track, SPAN_SAMPLES // 2) for track in tracks]
+    halves = chain(zip_longest(*pieces, fillvalue=none), repeat([none] * len(tracks), 2))
+    before: Sequence[Track] = next(halves)
+    for number, after in enumerate(halves):
+        if number and not (len(after[0]) and any(map(len, after[1:]))):
             return
         span = [np.concatenate(pair) for pair in zip(before, after, strict=True)]
         before = [whole[len(half) :] for whole, half in zip(span, before, strict=True)]
-        first = False
         del after
         yield span
 
@@ -139,14 +132,6 @@ def _signal_pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
         yield piece[:size]
 
 
-@cache
-def _low_pass(step: int) -> Array:
-    """Return the taps of the low-pass before every `step`-th sample is kept, symmetric."""
-    return scipy.signal.firwin(
-        2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA)
-    )
-
-
 def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
     """Low-pass a signal in blocks (samples,), and yield every `step`-th sample.
 
@@ -157,7 +142,9 @@ def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
     if step == 1:
         yield from blocks
         return
-    taps = _low_pass(step)
+    taps = scipy.signal.firwin(  # symmetric
+        2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA)
+    )
     held = np.empty(0)
     for block in blocks:
         held = np.concatenate([held, block])
