@@ -230,7 +230,8 @@ def phase_delays(
         first = max(0, min(round((start - g) * rate), len(x) - length))
         centre = (first + (length - 1) / 2) / rate
         part = x[first : first + length]
-        phases.append(np.angle(tones.tone_at(part, rate, frequency, centre - first / rate)))
+        amplitude, _ = tones.fit_tone([part], rate, frequency, centre - first / rate)
+        phases.append(np.angle(amplitude))
         centres.append(centre)
     turn = (np.array(phases) - phases[0]) / (2 * np.pi * frequency)
     delays = centres[0] - np.array(centres) + turn

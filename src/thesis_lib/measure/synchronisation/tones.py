@@ -47,11 +47,6 @@ def fit_tone(
     return complex(fit[0], -fit[1]), float(explained / max(variance, 1e-300))
 
 
-def tone_at(signal: Signal, rate: float, frequency: float, centre: float) -> complex:
-    """Return complex amplitude at `centre` s after the first sample of a tone plus a constant."""
-    return fit_tone([signal], rate, frequency, centre)[0]
-
-
 def tone_share(signal: Signal, rate: float, frequency: float) -> float:
     """Return the share of a signal's variance that a tone explains."""
     return fit_tone([signal], rate, frequency, len(signal) / rate / 2)[1]
@@ -103,7 +98,7 @@ def frequency_deviation(x: Signal, rate: float, frequency: float) -> float:
     noise that the signal without the tone has from half to twice its frequency. That the sample
     clock is off, by some 10⁻⁵ in cameras, is not in it.
     """
-    amplitude = tone_at(x, rate, frequency, 0.0)
+    amplitude, _ = fit_tone([x], rate, frequency, 0.0)
     n = min(len(x), SPECTRUM_SAMPLES)
     f, window, powers = np.fft.rfftfreq(n, 1 / rate), np.hanning(n), []
     near = (f > 0.5 * frequency) & (f < 2 * frequency)
