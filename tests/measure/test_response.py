@@ -281,8 +281,8 @@ def test_the_clock_of_a_sound_card_is_found_by_a_microphone_beside_the_force(tmp
     write_wav(tmp_path / "force.wav", tone, other, rate=card)
     manifest = manifest_for(tmp_path, sound_channel=2, offset_s=None)
     found = signals.read_force(manifest, tmp_path, np.zeros(2))
-    assert found.clock.delay == pytest.approx(late, abs=2e-5)
-    assert found.clock.pace == pytest.approx(1 - fast, abs=3e-6)
+    assert found.delay == pytest.approx(late, abs=2e-5)
+    assert found.pace == pytest.approx(1 - fast, abs=3e-6)
     true = SCALE * 0.5 * np.sin(2 * np.pi * 7 * found.times)
     np.testing.assert_allclose(found.newtons, true, atol=2e-3 * SCALE)
     with pytest.raises(ForceError, match=r"channel 1 matches that of camera A .*sound_channel"):
@@ -293,7 +293,7 @@ def test_a_sound_track_of_a_camera_has_its_clock(tmp_path):
     tone = 0.5 * np.sin(2 * np.pi * 7 * np.arange(96000) / 48000)
     write_video(tmp_path / "B.mkv", (np.zeros((16, 16), np.uint8) for _ in range(20)), 10.0, tone)
     manifest = manifest_for(tmp_path, file="B.mkv", offset_s=None)
-    assert signals.read_force(manifest, tmp_path, np.array([0.0, 0.7])).clock.delay == 0.7
+    assert signals.read_force(manifest, tmp_path, np.array([0.0, 0.7])).delay == 0.7
 
 
 def manifest_for(folder, **force):

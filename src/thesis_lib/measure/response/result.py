@@ -226,7 +226,7 @@ def estimate_response(
     parts = [np.nanstd(part) for part in np.array_split(moved, RECORDING_PARTS)]
     f, power = scipy.signal.welch(pushed, finer * rate, nperseg=min(len(pushed), 4096))
     values: dict[str, Any] = found | {
-        "phase_deviation": 2 * np.pi * cut.frequency * force.clock.delay_deviation,
+        "phase_deviation": 2 * np.pi * cut.frequency * force.delay_deviation,
         "displacement": moved,
         "force": pushed,
         "x": rest.places[0],
@@ -236,9 +236,9 @@ def estimate_response(
         "drive": int(np.argmin(np.where(found["averages"] > 0, apart, np.inf))) + 1,
         "segment": cut.length / rate,
         "segments": cut.count,
-        "delay": force.clock.delay,
-        "delay_deviation": force.clock.delay_deviation,
-        "pace": 1 / force.clock.pace - 1,
+        "delay": force.delay,
+        "delay_deviation": force.delay_deviation,
+        "pace": 1 / force.pace - 1,
         "unknown": unknown,
         "camera_lag": lag,
         "camera_pace": pace,

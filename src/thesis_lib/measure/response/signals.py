@@ -74,22 +74,15 @@ MIN_CLIPPED_SAMPLES = 3  # samples at full scale from which on a force counts as
 
 
 @dataclass(frozen=True)
-class Clock:
-    """What of a force's file is at which time of the first camera's clock."""
-
-    delay: float  #: When the file begins, s
-    delay_deviation: float  #: Its standard error, s; 0 if it was given
-    pace: float = 1.0  #: Seconds of the first camera's clock for one of the file's
-
-
-@dataclass(frozen=True)
 class RecordedForce:
     """A force over time."""
 
     times: Array  #: On the first camera's clock, s, shape (samples,)
     newtons: Array  #: N, shape (samples,)
-    clock: Clock  #: How the times were found
-    source: str = ""  #: Which columns of a table, or which channel, it is
+    delay: float  #: When the file begins, s
+    delay_deviation: float  #: Its standard error, s; 0 if it was given
+    pace: float  #: Seconds of the first camera's clock for one of the file's
+    source: str  #: Which columns of a table, or which channel, it is
 
     @property
     def rate(self) -> float:
@@ -123,8 +116,10 @@ def read_force(
         source = f"channel {given.channel}, {given.full_scale_n:g} N at full scale"
     if not np.ptp(newtons) > 0:
         raise ForceError(f"{path}: silent, allowed: a force that changes")
-    clock = _clock(manifest, given, folder, delays, paces or np.ones(len(delays)))
-    return RecordedForce(own * clock.pace + clock.delay, newtons, clock, f"{path.name}: {source}")
+    clock = _find_clock(manifest, given, folder, delays, paces or np.ones(len(delays)))
+    delay, deviation, pace = clock
+    times = own * pace + delay
+    return RecordedForce(times, newtons, delay, deviation, pace, f"{path.name}: {source}")
 
 
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
@@ -142,16 +137,16 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     return times, values * given.full_scale_n
 
 
-def _clock(
+def _find_clock(
     manifest: Manifest, given: Force, folder: Path, delays: Array, paces: Iterable[float]
-) -> Clock:
-    """Return the given clock, that of the camera whose sound it is, or the one found by sound."""
+) -> tuple[float, float, float]:
+    """Return delay, its error and pace: as given, of the camera whose sound it is, or by sound."""
     if given.offset_s is not None:
-        return Clock(given.offset_s, 0.0)
+        return given.offset_s, 0.0, 1.0
     path, first = folder / given.file, manifest.cameras[0]
     for camera, delay, pace in zip(manifest.cameras, delays, paces, strict=True):
         if (folder / camera.video).resolve() == path.resolve():
-            return Clock(float(delay), 0.0, pace)
+            return float(delay), 0.0, pace
     one = audio.AudioSource(first.name, folder / first.video)
     other = audio.AudioSource("the force", path, given.sound_channel or given.channel)
     try:
@@ -163,10 +158,10 @@ def _clock(
             "force.sound_channel, or give force.offset_s"
         ) from None
     if not np.isfinite(found.delay_deviation):
-        return Clock(found.delay, 1 / drift.COMPARED_RATE_HZ)
+        return found.delay, 1 / drift.COMPARED_RATE_HZ, 1.0
     pace = 1 - found.drift if abs(found.drift) > 2 * found.drift_deviation else 1.0
     middle = float(found.times.mean())  # where the line is best known
-    return Clock(found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace)
+    return found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace
 
 
 NEAR_SAMPLES = 24  # samples that an estimate rests on
