@@ -57,7 +57,7 @@ def stack_matrix(matrix: ArrayLike) -> Array:
 
 
 def circular_estimate(
-    value: ArrayLike, covariance: ArrayLike, common: ArrayLike | None = None
+    value: ArrayLike, variance: ArrayLike, common: ArrayLike | None = None
 ) -> Amplitudes:
     """Return amplitudes whose parts err alike, independently but for common errors.
 
@@ -65,20 +65,18 @@ def circular_estimate(
     ----------
     value : array_like, shape (n,)
         Complex amplitudes.
-    covariance : array_like, shape (n, n) or (n,)
-        Of the real parts, and of the imaginary parts; their variances if they are independent.
+    variance : array_like, shape (n,)
+        Of the real parts, and of the imaginary parts.
     common : array_like, shape (k, n), optional
         Complex: each row is what one error of standard deviation 1, independent of the others,
         adds to all amplitudes, as a calibration's does.
     """
-    w, C = np.asarray(value, complex), np.asarray(covariance, float)
-    each = np.diag(C) if C.ndim == 1 else C
-    whole = np.kron(np.eye(2), each)
+    whole = np.diag(np.tile(np.asarray(variance, float), 2))
     if common is not None:
         rows = np.asarray(common)
         both = np.concatenate([rows.real, rows.imag], axis=1)
         whole = whole + both.T @ both
-    return Amplitudes(w, whole)
+    return Amplitudes(np.asarray(value, complex), whole)
 
 
 def estimate_quadratic_form(form: ArrayLike, of: Amplitudes) -> Estimate:

@@ -106,10 +106,6 @@ class PlaneOperator:
         return np.concatenate([left[columns % 2 :][::-1], right])
 
 
-def _stack_real(matrix: ComplexArray) -> Array:
-    return np.concatenate([matrix.real, matrix.imag])
-
-
 def plane_operator(
     plate: Plate, plane: Plane, omega: float, medium: radiation.Medium = radiation.AIR
 ) -> PlaneOperator:
@@ -162,8 +158,8 @@ def full_factor(op: PlaneOperator) -> Array:
     right = op.kernel
     left = right.reshape(len(right), -1, along)[:, :, ::-1].reshape(right.shape)
     left = left[rows:] if columns % 2 else left
-    factor = np.linalg.qr(_stack_real(right), mode="r")
-    factor = np.linalg.qr(np.concatenate([factor, _stack_real(left)]), mode="r")
+    factor = np.linalg.qr(np.concatenate([right.real, right.imag]), mode="r")
+    factor = np.linalg.qr(np.concatenate([factor, left.real, left.imag]), mode="r")
     folded, _ = op.fold(np.eye(nx * ny))
     return factor / np.sqrt(columns * rows) @ np.real(folded).T
 

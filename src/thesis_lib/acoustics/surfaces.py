@@ -67,7 +67,7 @@ class Surface:
         low, extent = corners.min(axis=0), np.ptp(corners, axis=0)
         counts = np.maximum(np.rint(np.sqrt(nodes / 4 * extent / extent[::-1])), 1).astype(int)
         size = extent / counts
-        grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij")).reshape(2, -1)
+        grid = np.indices(counts).reshape(2, -1)
         centres = low[:, None] + (grid + 0.5) * size[:, None]
         near = polygons.edge_distances(corners, centres).min(axis=0) < np.hypot(*size) / 2
         whole = centres[:, ~near & polygons.polygon_contains(corners, centres)].T
@@ -171,7 +171,7 @@ class Screen:
         low, extent = corners.min(axis=0), np.ptp(corners, axis=0)
         counts = np.maximum(np.rint(np.sqrt(cells * extent / extent[::-1])), 2).astype(int)
         size = extent / (counts + 0.5)
-        numbers = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij")).reshape(2, -1)
+        numbers = np.indices(counts).reshape(2, -1)
         places = low[:, None] + (numbers + 0.75) * size[:, None]
         inside = polygons.edge_distances(corners, places).min(axis=0) > size.min() / 4
         on = inside & polygons.polygon_contains(corners, places)
