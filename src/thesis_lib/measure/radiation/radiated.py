@@ -49,15 +49,14 @@ class Between:
     fitted: Array
     modes: int = 0  #: That are fitted, of a model
 
-    def residual(self, amplitudes: ComplexArray) -> ComplexArray:
-        """Return the residual of amplitudes (markers,), or of a marker against the others."""
-        return np.asarray(amplitudes - self.fitted @ amplitudes, complex)
-
     def left(self, of: estimates.Amplitudes) -> tuple[float, float]:
-        """Return the norm of the residuals, and what errors alone would make of it (rms), in m."""
+        """Return the norm of the residuals, and what errors alone would make of it (rms), in m.
+
+        By a spline, a marker's residual is that against the others.
+        """
         D = np.kron(np.eye(2), np.eye(len(self.fitted)) - self.fitted)
         noise = np.sqrt(np.sum((D @ of.covariance) * D))
-        return float(np.linalg.norm(self.residual(of.value))), float(noise)
+        return float(np.linalg.norm(of.value - self.fitted @ of.value)), float(noise)
 
 
 def largest_gap(markers: Array) -> float:
@@ -256,8 +255,7 @@ def radiate_sound(
     values |= _of_bands([*bands.values()], within, ways, rows)
     values |= {"place": points.T, "u": planes[0].u, "z": planes[0].z, "area": surface.area}
     values |= {"plane": [plane.name for plane in planes], "axis": list("xyz"), "band": list(bands)}
-    own = {name: one for name, one in VARIABLES.items() if name in values}
-    data = xr.Dataset(label_values(values, own))
+    data = xr.Dataset(label_values(values, VARIABLES))
     return data.set_coords(["frequency", "place", "u", "z"])
 
 
