@@ -87,11 +87,7 @@ def identify_modes(
         if turn == 0:
             poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
             given = tuple(poles.rates[:, 1] / (2 * np.pi))
-        found = motions.estimate_shapes(own, blocks, poles, rest)
-        noise = []
-        for block in blocks:
-            B = fits.pole_columns(block.times, poles.rates)
-            noise.append(fits.residual_scatter(block, B, fits.fit_known(B, block)[0]))
+        found, noise = motions.estimate_shapes(own, blocks, poles, rest)
         if turn == OUTLIER_ROUNDS:
             break
         more, lag_deviation = motions.camera_lags(found, poles)
@@ -220,8 +216,8 @@ def _nearest_in_step(
         for other in [own, *others] if others else []:
             trial = np.array([[alpha, 2 * np.pi * other]])
             alone = replace(poles, rates=np.vstack([trial, np.delete(poles.rates, k, axis=0)]))
-            shape = motions.estimate_shapes(tracks, blocks, alone, rest)[0]
-            apart.append((other, float(np.nanmax(np.abs(shape.turn)))))
+            shapes, _ = motions.estimate_shapes(tracks, blocks, alone, rest)
+            apart.append((other, float(np.nanmax(np.abs(shapes[0].turn)))))
         apart.sort(key=lambda one: one[1])
         told.append(apart or [(own, 0.0)])
         rates[k, 1] = 2 * np.pi * told[k][0][0]

@@ -57,7 +57,6 @@ class Poles:
     covariance: Array  #: Of all these in this order, shape (2 modes, 2 modes); zero if not fitted
     each: Array  #: What each camera alone would change of them, (cameras, 2 modes)
     each_deviation: Array  #: Standard deviations of that, by the noise of the tracks
-    noise: float  #: Standard deviation of what is left, in units of the blocks' values
 
     @property
     def frequency(self) -> Array:
@@ -202,7 +201,7 @@ def fit_poles(blocks: Sequence[TrackBlock], start: Array, damped: bool) -> Poles
         alone = np.linalg.pinv(part.matrix[every])
         each[k, free] = alone @ part.right[free]
         deviation[k, free] = noise * np.sqrt(np.maximum(np.diag(alone), 0))
-    return Poles(rates, covariance, each, deviation, noise)
+    return Poles(rates, covariance, each, deviation)
 
 
 POINTS_PER_FRAME = 8  # grid points between frames; and in a period of the highest frequency

@@ -157,8 +157,11 @@ def blur_factor(rate: Array, exposure: float) -> complex:
 
 def mode_images(
     track: Track, block: fits.TrackBlock, poles: fits.Poles
-) -> list[harmonics.Harmonics]:
-    """Return each mode in one camera's images, as if rows and exposures took no time."""
+) -> tuple[list[harmonics.Harmonics], Array]:
+    """Return each mode in one camera's images, as if rows and exposures took no time.
+
+    With them, the scatter of the images about the modes, px, shape (2 markers,).
+    """
     markers = track.uv.shape[2]
     B = fits.pole_columns(block.times, poles.rates)
     fit, inverse = fits.fit_known(B, block)
@@ -178,15 +181,16 @@ def mode_images(
         spread[1, 1] = spread[2, 2] = part * np.abs(factor) ** 2
         value = np.stack([np.zeros_like(a.real), a.real, -a.imag])
         found.append(harmonics.Harmonics(value, spread, np.where(clear, sigma, np.nan)))
-    return found
+    return found, sigma.ravel()
 
 
 def estimate_shapes(
     tracks: Sequence[Track], blocks: Sequence[fits.TrackBlock], poles: fits.Poles, rest: Rest
-) -> list[Shape]:
-    """Estimate the shape of every mode."""
+) -> tuple[list[Shape], list[Array]]:
+    """Estimate the shape of every mode, and the scatter of each camera's tracks, px."""
     cameras = [track.camera for track in tracks]
-    seen = [mode_images(track, block, poles) for track, block in zip(tracks, blocks, strict=True)]
+    pairs = zip(tracks, blocks, strict=True)
+    seen, scatter = zip(*(mode_images(*pair, poles) for pair in pairs), strict=True)
     still = np.zeros(len(cameras))
     found = []
     for k, rate in enumerate(poles.rates):
@@ -202,7 +206,7 @@ def estimate_shapes(
         turn, turn_error = phase_lags(fit, omega, still)
         along = harmonics.deflection_amplitude(fit, omega, still)
         found.append(Shape(along, error, more, turn, turn_error, fit))
-    return found
+    return found, [*scatter]
 
 
 def remove_nonlinearity(
