@@ -23,6 +23,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -269,61 +270,43 @@ def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
     """
     for problem in check_excitation(manifest):
         raise ManifestError(problem)
-    excitation = manifest.excitation
-    if excitation.sound == "none":
-        found = Synchronisation(np.zeros(len(manifest.cameras)))
-        begin, end = 0.0, min(float(clock_of(one, folder)[-1]) for one in manifest.cameras)
+    excitation, cameras = manifest.excitation, manifest.cameras
+    recordings = [audio.AudioSource(one.name, folder / one.video) for one in cameras]
+    tone: dict[str, Any] = {"of_sound": np.nan, "of_sound_deviation": np.nan, "force": [0.0, 0.0]}
+    if excitation.sound == "force" and excitation.behaviour.has_one_frequency:
+        found, steady, tone = _hear_force(manifest, recordings)
     else:
-        recordings = [audio.AudioSource(one.name, folder / one.video) for one in manifest.cameras]
-        if excitation.sound == "force" and excitation.behaviour.has_one_frequency:
-            return _of_the_force(manifest, recordings)
-        heard = load_audio(recordings, None, 0.0)
-        found = synchronise_cameras(recordings, heard, None)
-        begin, end = _common(found, heard)
-    _check_steady(manifest, begin, end)
-    rest = excitation.rest_duration_s
-    if excitation.steady_interval_s is None and begin + rest >= end:
-        raise ManifestError(
-            f"excitation.rest_duration_s: given {rest:.6g}, allowed: less than the "
-            f"{end - begin:.3f} s that all cameras recorded"
-        )
-    return _label_sound(manifest, found, excitation.steady_interval_s or (begin + rest, end))
-
-
-def _label_sound(
-    manifest: Manifest,
-    found: Synchronisation,
-    steady: Interval,
-    force: complex = 0j,
-    measured: float = np.nan,
-    deviation: float = np.nan,
-) -> xr.Dataset:
-    """Return what the sound tells; of the force, its frequency in Hz, and that one's error."""
-    excitation = manifest.excitation
-    rest = excitation.rest_duration_s
-    most = max(steady[0] - max(float(found.delays.max()), 0.0), 0.0)
-    if excitation.steady_interval_s is None and rest > most + 1e-6:
-        raise ManifestError(
-            f"excitation.rest_duration_s: given {rest:.6g}, allowed: at most the {most:.3f} s "
-            "after which the vibration is steady"
-        )
+        if excitation.sound == "none":
+            found = Synchronisation(np.zeros(len(cameras)))
+            begin, end = 0.0, min(float(clock_of(one, folder)[-1]) for one in cameras)
+        else:
+            heard = load_audio(recordings, None, 0.0)
+            found = synchronise_cameras(recordings, heard, None)
+            begin, end = _common(found, heard)
+        _check_steady(manifest, begin, end)
+        rest = excitation.rest_duration_s
+        if excitation.steady_interval_s is None and begin + rest >= end:
+            raise ManifestError(
+                f"excitation.rest_duration_s: given {rest:.6g}, allowed: less than the "
+                f"{end - begin:.3f} s that all cameras recorded"
+            )
+        steady = excitation.steady_interval_s or (begin + rest, end)
     values = {
         "delay": found.delays,
-        "frequency": excitation.frequency_hz or measured,
-        "of_sound": measured,
-        "of_sound_deviation": deviation,
-        "force": [force.real, force.imag],
+        "frequency": excitation.frequency_hz or tone["of_sound"],
+        **tone,
         "steady": steady,
         "ambiguous": int(found.ambiguous),
         "signal_to_noise": found.snr,
     }
-    names = [camera.name for camera in manifest.cameras]
-    lines = found.describe(names, manifest.cameras[0].frame_rate_hz)
+    lines = found.describe([camera.name for camera in cameras], cameras[0].frame_rate_hz)
     return xr.Dataset(label_values(values, VARIABLES), attrs={"synchronisation": "\n".join(lines)})
 
 
-def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> xr.Dataset:
-    """Return starts and steady interval from the force's signal."""
+def _hear_force(
+    manifest: Manifest, recordings: list[audio.AudioSource]
+) -> tuple[Synchronisation, Interval, dict[str, Any]]:
+    """Return starts, steady interval and variables of the tone from the force's signal."""
     excitation = manifest.excitation
     steady = excitation.steady_interval_s
     skip = steady[0] if steady else excitation.rest_duration_s
@@ -347,8 +330,15 @@ def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> xr
     with recordings[0].opened() as file:
         part_blocks = audio.part_of(heard.low.reduce(file.blocks, file.rate), first, last)
         force, _ = tones.fit_tone(part_blocks, low_rate, used, -begin)
-    deviation = tones.frequency_deviation(part, rate, measured)
-    return _label_sound(manifest, found, steady or (begin, end), force, measured, deviation)
+    most, rest = max(begin - max(float(found.delays.max()), 0.0), 0.0), excitation.rest_duration_s
+    if steady is None and rest > most + 1e-6:
+        raise ManifestError(
+            f"excitation.rest_duration_s: given {rest:.6g}, allowed: at most the {most:.3f} s "
+            "after which the vibration is steady"
+        )
+    deviation, parts = tones.frequency_deviation(part, rate, measured), [force.real, force.imag]
+    told = {"of_sound": measured, "of_sound_deviation": deviation, "force": parts}
+    return found, steady or (begin, end), told
 
 
 def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: float) -> float:
