@@ -12,9 +12,9 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes, modal_assurance
 from thesis_lib.measure.pipeline import Recorded, measure_modes
-from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation
 from thesis_lib.measure.report.warnings import check_modes
+from thesis_lib.studies.cubes import complex_of
 from thesis_lib.vibration.motion import Component, fold_frequency
 
 RIG = rig()

@@ -14,10 +14,11 @@ from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.facts import setups
 from thesis_lib.measure.radiation import of_measurement, radiated
 from thesis_lib.measure.radiation.of_measurement import sound_of
-from thesis_lib.measure.radiation.radiated import complex_of, group_octaves
+from thesis_lib.measure.radiation.radiated import group_octaves
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.build import build_sound
+from thesis_lib.studies.cubes import complex_of
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
 PLATE = setups.thesis_plate((9, 6))

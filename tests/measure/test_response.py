@@ -16,7 +16,6 @@ from sdypy import EMA
 
 from thesis_lib.measure.modes.identify import modal_assurance
 from thesis_lib.measure.pipeline import Recorded, measure_motion
-from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Force, Sought, Sweep
@@ -27,6 +26,7 @@ from thesis_lib.measure.report import animation
 from thesis_lib.measure.report.warnings import check_response
 from thesis_lib.measure.response import result, signals
 from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.cubes import complex_of
 
 SILENT = xr.Dataset(attrs={"synchronisation": "by no sound at all"})
 SCALE = 2.0  # N at full scale

@@ -21,7 +21,7 @@ from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.cameras import write_cameras
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
-from thesis_lib.studies.cubes import iterate_slices
+from thesis_lib.studies.cubes import complex_of, iterate_slices
 from thesis_lib.templates import render
 
 MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in one row or column
@@ -85,7 +85,7 @@ def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     Fields have the names of ``measured.nc`` and ``motion.nc``, and dimensions in the same order;
     ``shape.amplitude`` is complex, ``units`` has the unit of every field.
     """
-    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    amplitude = complex_of(data, "amplitude")
     values = {
         "shape": _matlab_fields(data) | {"amplitude": amplitude},
         "motion": _matlab_fields(moved),
@@ -163,7 +163,7 @@ def write_vtk(folder: Path, data: xr.Dataset) -> None:
     for its colours. Markers without a result are left out.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    amplitude = complex_of(data, "amplitude")
     known = np.isfinite(amplitude) & np.isfinite(data["rest_position"].values).all(axis=0)
     points, amplitude = data["rest_position"].values[:, known].T, amplitude[known]
     x, y = data["x"].values[known], data["y"].values[known]
@@ -216,7 +216,7 @@ def write_uff(path: Path, data: xr.Dataset) -> None:
     name, sets = _title_of(data), list[dict[str, Any]]()
     several = "mode" in data.dims
     for k, one in enumerate(iterate_slices(data, "mode") if several else [data], 1):
-        shape = one["amplitude_real"].values + 1j * one["amplitude_imag"].values
+        shape = complex_of(one, "amplitude")
         frequency, zeta = float(one["frequency"]), float(one.get("damping", 0))
         kind: dict[str, Any] = {"analysis_type": 5, "data_ch": 2, "freq_step_n": k,
                                 "freq": frequency}  # fmt: skip
@@ -255,7 +255,7 @@ def write_response(path: Path, data: xr.Dataset) -> None:
     m over a force along Z in N, and coherences of type 6; markers that were lost are left out.
     """
     name, f = _title_of(data), data["frequency"].values
-    curves = data["receptance_real"].values[0] + 1j * data["receptance_imag"].values[0]
+    curves = complex_of(data, "receptance")[0]
     sets = []
     receptance = {"func_type": RECEPTANCE_CODE, "ordinate_spec_data_type": 8,
                   "ordinate_axis_units_lab": "m", "orddenom_spec_data_type": 13,

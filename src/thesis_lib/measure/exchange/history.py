@@ -18,6 +18,7 @@ from thesis_lib.measure.fitting.harmonics import at_rest, row_delays
 from thesis_lib.measure.fitting.reconstruction import group_visible, triangulate_seen
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.cubes import complex_of
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.pinhole import project, projection_matrices
 from thesis_lib.vision.triangulation import triangulation_gain
@@ -131,7 +132,7 @@ def _at(
     plain = _lagrange(s, uv, times, late)
     if not steady.any():
         return np.moveaxis(plain, 1, 0)
-    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    amplitude = complex_of(data, "amplitude")
     amplitude = np.where(np.isfinite(amplitude), amplitude, 0)
     normal, omega = data["frame_rotation"].values[2], 2 * np.pi * float(data["frequency"])
 

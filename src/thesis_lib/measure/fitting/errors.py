@@ -26,6 +26,7 @@ from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_serie
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.cubes import split_complex
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision import pinhole
 
@@ -277,7 +278,7 @@ def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ComplexArray
     own = data["standard_error"]
     shared = np.sqrt(np.sum(np.real(rows * turns) ** 2, axis=0))
     own.values[:] = np.hypot(own.values, shared)
-    values = {"shared_real": rows.real, "shared_imag": rows.imag}
+    values = split_complex("shared", rows)
     return data.assign(label_values(values, SHARED_VARIABLES, ("row", *map(str, own.dims[:-1]))))
 
 

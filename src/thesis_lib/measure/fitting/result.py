@@ -18,6 +18,7 @@ from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording, share_lost
+from thesis_lib.studies.cubes import split_complex
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.motion import Component, fold_frequency, list_aliases
 from thesis_lib.vibration.structure import Beam, Plate, resonance_frequency
@@ -214,8 +215,7 @@ def shape_result(
         "in_plane": np.sqrt(np.sum(np.abs(moved) ** 2, axis=0)),
         "in_plane_excess": more,
         "quadrature": turned.imag,
-        "amplitude_real": complex_shape.real,
-        "amplitude_imag": complex_shape.imag,
+        **split_complex("amplitude", complex_shape),
         "phase": np.degrees(np.angle(complex_shape / force)) if force else np.nan * shape,
         "rest_position": frame.to_beam(fit.points),
         "cameras_seen": np.isfinite(fit.sigma).all(axis=1).sum(axis=0),

@@ -16,6 +16,7 @@ from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
+from thesis_lib.studies.cubes import complex_of, split_complex
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.pinhole import projection_matrices
 
@@ -116,8 +117,7 @@ def identify_modes(
     turned = np.array([one.turn for one in found])
     before = fits.residual_spectrum(blocks, np.empty((0, 2)), asked.band)
     values: dict[str, Any] = {
-        "amplitude_real": amplitude.real,
-        "amplitude_imag": amplitude.imag,
+        **split_complex("amplitude", amplitude),
         "error_of_scatter": np.array([one.deviation for one in found]) * wider[order, None],
         "in_plane_excess": [one.excess for one in found],
         "assurance": modal_assurance(amplitude),
@@ -292,7 +292,7 @@ def modes_result(
     decays = manifest.excitation.behaviour.decays
     asked = Asked(band, sought.count, decays, sought.near_hz or ())
     found, images = identify_modes(seen, rest, asked)
-    amplitude = found["amplitude_real"].values + 1j * found["amplitude_imag"].values
+    amplitude = complex_of(found, "amplitude")
     turns = np.exp([[-1j * harmonics.common_phase(own)] for own in amplitude])
     shape = amplitude * turns
     models = result.candidate_modes(manifest.structure)

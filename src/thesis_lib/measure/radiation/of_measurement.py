@@ -17,7 +17,7 @@ from thesis_lib.measure.radiation import radiated
 from thesis_lib.measure.recordings import manifest_parts, text_files, validation
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.studies import storage
-from thesis_lib.studies.cubes import iterate_slices
+from thesis_lib.studies.cubes import complex_of, iterate_slices
 
 MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their plane at rest
 # Times what noise explains, up to which a model's modes are taken for the shape
@@ -44,7 +44,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     if "mode" not in data.dims:  # the shape of one tone, in the form of several modes
         wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
         several = data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
-    amplitude = radiated.complex_of(several, "amplitude")
+    amplitude = complex_of(several, "amplitude")
     known = np.all(np.isfinite(amplitude) & np.isfinite(several["standard_error"].values), axis=0)
     _check(data, known, structure)
     markers = structure.marker_points[:, known]
@@ -136,10 +136,10 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
     :func:`thesis_lib.measure.modes.identify.modes_result`, of which the `known` markers count; the
     amplitudes are in m, mode after mode.
     """
-    amplitude = radiated.complex_of(data, "amplitude")[:, known]
+    amplitude = complex_of(data, "amplitude")[:, known]
     rows = [size_off(float(data["grid_scale"].values.flat[0])) * amplitude[None]]
     if "shared_real" in data:  # else of a calibration whose errors are unknown
-        shared = radiated.complex_of(data.transpose("row", "mode", "marker", ...), "shared")
+        shared = complex_of(data.transpose("row", "mode", "marker", ...), "shared")
         rows.append(shared[:, :, known])
     if "scale_deviation" in data:
         each = np.eye(len(amplitude))[:, :, None]
@@ -192,7 +192,7 @@ def audible_pressure(data: xr.Dataset, point: int) -> Array:
     amplitudes are of.
     """
     times = np.arange(int(SOUND_RATE_HZ * SOUND_LENGTH_S)) / SOUND_RATE_HZ
-    pressure = radiated.complex_of(data, "pressure")[:, point]
+    pressure = complex_of(data, "pressure")[:, point]
     decay = np.maximum(data.get("decay", 0 * data["frequency"]).values, 0)
     waves = np.exp((2j * np.pi * data["frequency"].values - decay)[:, None] * times)
     rise = RISE_S if np.any(decay) else FADE_S

@@ -26,6 +26,7 @@ import xarray as xr
 from thesis_lib.acoustics import estimates, radiation, surfaces
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
+from thesis_lib.studies.cubes import split_complex
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Beam, Plate
@@ -234,14 +235,12 @@ def radiate_sound(
                 **_levels("power_level", DECIBELS_PER_NEPER, radiation.REFERENCE_POWER, power),
                 **_with_error("efficiency", efficiency),
                 **_with_error("mode_power", each),
-                "pressure_real": here.real,
-                "pressure_imag": here.imag,
+                **split_complex("pressure", here),
                 "pressure_error": size.error,
                 **_levels(
                     "level", 2 * DECIBELS_PER_NEPER, np.sqrt(2) * radiation.REFERENCE_PRESSURE, size
                 ),
-                "field_real": field.real,
-                "field_imag": field.imag,
+                **split_complex("field", field),
                 "field_error": spread.reshape(shown),
                 "left": np.array(left / whole),
                 "left_by_noise": np.array(noise / whole),
@@ -315,11 +314,6 @@ def count_nodes(extent: tuple[float, float], omega: float, medium: radiation.Med
     """Return how many nodes a surface of an extent in m needs."""
     wave = 2 * np.pi * medium.speed_of_sound / omega
     return max(SURFACE_NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
-
-
-def complex_of(data: xr.Dataset, name: str) -> ComplexArray:
-    """Return the complex values of a variable's two parts."""
-    return np.asarray(data[f"{name}_real"].values + 1j * data[f"{name}_imag"].values)
 
 
 #: Cells of the screen, and of one whose answer differs by the error: 0.1 dB or less

@@ -24,6 +24,7 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.media_info import file_address
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import in_style
+from thesis_lib.studies.cubes import complex_of
 
 Frame = NDArray[np.uint8]  # (height, width, 3), RGB
 FRAMES_A_PERIOD, FRAME_RATE_HZ = 24, 12
@@ -44,7 +45,7 @@ def write_shape(path: Path, data: xr.Dataset) -> None:
 
 def draw_period(data: xr.Dataset) -> list[Frame]:
     """Draw one period of the fitted motion, seen obliquely, in colours by deflection."""
-    amplitude = 1e3 * (data["amplitude_real"].values + 1j * data["amplitude_imag"].values)
+    amplitude = 1e3 * complex_of(data, "amplitude")
     known = np.isfinite(amplitude)
     amplitude, x, y = amplitude[known], data["x"].values[known], data["y"].values[known]
     x, y = 1e3 * (x - x.mean()), 1e3 * (y - y.mean())

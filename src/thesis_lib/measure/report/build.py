@@ -19,12 +19,12 @@ from thesis_lib.measure.feasibility.assess import assess_manifest, describe_asse
 from thesis_lib.measure.fitting.result import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note
 from thesis_lib.measure.radiation.of_measurement import absolute_pressure, format_point
-from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
+from thesis_lib.measure.radiation.radiated import ALL_TONES
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.report import figures as draw, warnings
 from thesis_lib.plotting.selection import encode_field
 from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
-from thesis_lib.studies.cubes import iterate_slices
+from thesis_lib.studies.cubes import complex_of, iterate_slices
 from thesis_lib.web import html
 
 

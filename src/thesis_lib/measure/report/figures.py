@@ -12,14 +12,13 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array, Image, Mask, stack_padded
 from thesis_lib.measure.feasibility import assess, prediction
 from thesis_lib.measure.modes.poles import STANDS_OUT
-from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting import style
 from thesis_lib.plotting.style import HIGHLIGHT_COLOR, REFERENCE_COLOR, cycle_color, in_style
-from thesis_lib.studies.cubes import iterate_slices
+from thesis_lib.studies.cubes import complex_of, iterate_slices
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.pinhole import project_points
 

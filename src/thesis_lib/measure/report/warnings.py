@@ -12,11 +12,10 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration import rig, uncertainty
 from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR, known_rms
 from thesis_lib.measure.messages import NOTE_LIMITS, Note, make_note
-from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Sweep
 from thesis_lib.measure.response.signals import dwell_time, settling_time
-from thesis_lib.studies.cubes import iterate_slices
+from thesis_lib.studies.cubes import complex_of, iterate_slices
 
 # Frames by which a shift of whole frames may be off: 1.7 ms at 60 Hz, 0.6 m of sound's way
 MAX_FRAME_FRACTION = 0.1

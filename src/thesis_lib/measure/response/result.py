@@ -32,6 +32,7 @@ from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.response import signals
 from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.cubes import split_complex
 from thesis_lib.studies.schema import label_values, read_variables
 
 ESTIMATORS = ("H1", "H2", "Hv")
@@ -124,10 +125,8 @@ def receptance_of_segments(
     receptance = whole.transpose(0, 2, 1)
     mobility = 2j * np.pi * cut.frequency * receptance
     return {
-        "receptance_real": receptance.real,
-        "receptance_imag": receptance.imag,
-        "mobility_real": mobility.real,
-        "mobility_imag": mobility.imag,
+        **split_complex("receptance", receptance),
+        **split_complex("mobility", mobility),
         "standard_error": error.transpose(0, 2, 1),
         "blur": blur.transpose(0, 2, 1),
         "coherence": coherence.T,
