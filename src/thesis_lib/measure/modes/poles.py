@@ -98,18 +98,25 @@ def pole_columns(times: Array, rates: Array) -> Array:
     return np.stack(made, axis=1)
 
 
-def fit_known(B: Array, block: TrackBlock) -> tuple[Array, Array]:
-    """Fit columns (frames, n) to each series where it is known.
+@dataclass(frozen=True)
+class TrackFit:
+    """The best fit of some poles to the tracks of one camera."""
 
-    Returned are coefficients (n, series), 0 where too little is known, and their covariance for a
-    noise of one, (series, n, n), infinite where too little is known.
-    """
-    seen, of = block.patterns
+    columns: Array  #: Those of :func:`pole_columns`, shape (frames, n)
+    coefficients: Array  #: 0 where too little is known, shape (n, series)
+    covariance: Array  #: For a noise of one, infinite where too little is known, (series, n, n)
+    residual: Array  #: Of the values; 0 where missing, shape (frames, series)
+
+
+def fit_tracks(block: TrackBlock, rates: Array) -> TrackFit:
+    """Fit poles (modes, 2) to each series where it is known."""
+    B, (seen, of) = pole_columns(block.times, rates), block.patterns
     matrix = _moments(B, B, seen)
     enough = (seen.sum(axis=0) >= B.shape[1] + 2) & (np.linalg.cond(matrix) < MAX_CONDITION)
     inverse = np.linalg.inv(np.where(enough[:, None, None], matrix, np.eye(B.shape[1])))[of]
     found = np.where(enough[of], np.einsum("sij,js->is", inverse, B.T @ block.values), 0.0)
-    return found, np.where(enough[of, None, None], inverse, np.inf)
+    covariance = np.where(enough[of, None, None], inverse, np.inf)
+    return TrackFit(B, found, covariance, np.where(block.known, block.values - B @ found, 0.0))
 
 
 def _moments(B: Array, C: Array, seen: Array) -> Array:
@@ -117,22 +124,11 @@ def _moments(B: Array, C: Array, seen: Array) -> Array:
     return np.asarray(np.einsum("ti,tj,tp->pij", B, C, seen, optimize=True), float)
 
 
-def subtract_fit(block: TrackBlock, B: Array, fit: Array) -> Array:
-    """Subtract a fit of columns from the values, (frames, series); 0 where missing."""
-    return np.where(block.known, block.values - B @ fit, 0.0)
-
-
-def left_of(block: TrackBlock, rates: Array) -> Array:
-    """Subtract the best fit of some poles from the values, (frames, series); 0 where missing."""
-    B = pole_columns(block.times, rates)
-    return subtract_fit(block, B, fit_known(B, block)[0])
-
-
-def residual_scatter(block: TrackBlock, B: Array, fit: Array) -> Array:
-    """Estimate the scatter of each series about a fit of columns, px; NaN if hardly seen."""
-    freedom = block.known.sum(axis=0) - B.shape[1]
+def residual_scatter(block: TrackBlock, fit: TrackFit) -> Array:
+    """Estimate the scatter of each series about a fit, px; NaN if hardly seen."""
+    freedom = block.known.sum(axis=0) - len(fit.coefficients)
     with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(np.sum(subtract_fit(block, B, fit) ** 2, axis=0) / freedom)
+        sigma = np.sqrt(np.sum(fit.residual**2, axis=0) / freedom)
     return np.asarray(np.where(freedom >= 2, sigma, np.nan) * block.scale, float)
 
 
@@ -148,9 +144,8 @@ class Equations:
 
 def equations_of(block: TrackBlock, rates: Array) -> Equations:
     """Set up the equations of one camera at some poles."""
-    B, (seen, of) = pole_columns(block.times, rates), block.patterns
-    fit, inverse = fit_known(B, block)
-    left = subtract_fit(block, B, fit)
+    own, (seen, of) = fit_tracks(block, rates), block.patterns
+    B, fit, inverse = own.columns, own.coefficients, own.covariance
     tB = B * block.times[:, None]
     mix = np.zeros((len(of), len(fit), rates.size))  # tB @ mix is the derivative of a series' fit
     for k in range(len(rates)):
@@ -159,13 +154,13 @@ def equations_of(block: TrackBlock, rates: Array) -> Equations:
         mix[:, 2 * k + 2, 2 * k : 2 * k + 2] = np.stack([-sine, -cosine], axis=1)
     known = np.isfinite(inverse[:, 0, 0])
     inverse = np.where(known[:, None, None], inverse, 0.0)
-    cross, own = _moments(B, tB, seen)[of], _moments(tB, tB, seen)[of]
-    inner = own - cross.swapaxes(1, 2) @ inverse @ cross
-    squares = np.sum(left**2, axis=0)
+    cross, square = _moments(B, tB, seen)[of], _moments(tB, tB, seen)[of]
+    inner = square - cross.swapaxes(1, 2) @ inverse @ cross
+    squares = np.sum(own.residual**2, axis=0)
     freedom = (block.known.sum(axis=0) - len(fit))[known].sum()
     return Equations(
         float(squares.sum()),
-        np.einsum("sif,is->f", mix, tB.T @ left),
+        np.einsum("sif,is->f", mix, tB.T @ own.residual),
         np.einsum("sif,sij,sjg->fg", mix, inner, mix, optimize=True),
         (float(squares[known].sum()), int(freedom)),
     )
@@ -235,7 +230,7 @@ def residual_spectrum(
     even = np.arange(band[0], band[1], 1 / (POINTS_PER_LINE * span))
     logs = np.zeros_like(even)
     for block in blocks:
-        left = left_of(block, rates)
+        left = fit_tracks(block, rates).residual
         strongest = np.linalg.eigh(left.T @ left)[1][:, -PRINCIPAL_SERIES:]
         left = left @ strongest
         step = float(np.median(np.diff(block.times))) / POINTS_PER_FRAME
@@ -277,7 +272,10 @@ def search_modes(
         line = strongest_line(blocks, rates, band, near)
         if len(found) < most and line is not None:
             trials = [np.vstack([rates, [decay, 2 * np.pi * line]]) for decay in decays]
-            left = [sum(np.sum(left_of(one, trial) ** 2) for one in blocks) for trial in trials]
+            left = [
+                sum(np.sum(fit_tracks(one, trial).residual ** 2) for one in blocks)
+                for trial in trials
+            ]
             found.append(fit_poles(blocks, trials[int(np.argmin(left))], damped))
             rates = found[-1].rates
         elif near is None:

@@ -78,12 +78,12 @@ def without_strays(track: Track, places: Array) -> Track:
 
 def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places: Array) -> Track:
     """Return the track without centres whose residuals differ from their neighbours'."""
-    B, known = fits.pole_columns(block.times, rates), block.known
+    known = block.known
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * scipy.spatial.KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(MAX_LOOKS):
-        left = block.values - B @ fits.fit_known(B, replace(block, known=known))[0]
+        left = fits.fit_tracks(replace(block, known=known), rates).residual
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = find_strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
@@ -163,17 +163,16 @@ def mode_images(
     With them, the scatter of the images about the modes, px, shape (2 markers,).
     """
     markers = track.uv.shape[2]
-    B = fits.pole_columns(block.times, poles.rates)
-    fit, inverse = fits.fit_known(B, block)
-    sigma = fits.residual_scatter(block, B, fit).reshape(2, markers)
-    fit = fit * block.scale
+    fitted = fits.fit_tracks(block, poles.rates)
+    sigma = fits.residual_scatter(block, fitted).reshape(2, markers)
+    fit = fitted.coefficients * block.scale
     found = []
     for k, rate in enumerate(poles.rates):
         own = slice(2 * k + 1, 2 * k + 3)
         cosine, sine = fit[own].reshape(2, 2, markers)
         pole = complex(-rate[0], rate[1])
         factor = np.exp(-pole * track.usual) / blur_factor(rate, track.exposure)
-        part = 0.5 * np.trace(inverse[:, own, own], axis1=1, axis2=2).reshape(2, markers)
+        part = 0.5 * np.trace(fitted.covariance[:, own, own], axis1=1, axis2=2).reshape(2, markers)
         error = np.where(np.isfinite(sigma), sigma * np.sqrt(part), np.nan).max(axis=0)
         clear = np.isfinite(error) & (error <= MAX_ERROR_RATIO * np.nanmedian(error))
         a = np.where(clear, (cosine - 1j * sine) * factor, np.nan)
