@@ -11,7 +11,6 @@ where they are a reader's own layouts.
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -43,43 +42,41 @@ def deflection_checksum(plate_cube: xr.Dataset) -> str:
     return hashlib.sha256(plate_cube["measured_deflection"].values.tobytes()).hexdigest()
 
 
-@dataclass(frozen=True)
-class _Sound:
-    """Data that the blocks of a study share: of each mode ω, deflections, factors of the planes."""
+def block_errors(
+    block: workers.Block,
+    asked: Mapping[str, Any],
+    omegas: list[float],
+    points: Array,
+    factors: Sequence[Sequence[Array]],
+    modes: list[list[Array]],
+) -> dict[str, Array]:
+    """Return rms errors (modes, trials, planes) in Pa of some trials of a setting.
 
-    study: tuple[float, float, bool, float]  # focal length, sensor width in mm, rest known, noise
-    omegas: list[float]
-    points: Array  # (modes, 3, 2, markers): at rest and deflected
-    factors: Sequence[Sequence[Array]]
-    modes: list[list[Array]]  # of radiation, the loudest of each plane
-
-    def __call__(self, block: workers.Block) -> dict[str, Array]:
-        """Return rms errors (modes, trials, planes) in Pa.
-
-        With the first trials also what the law of rounding predicts, (modes, planes, ...).
-        """
-        setting, measured = block.load
-        error = measured.astype(float) - self.points[:, 2, 1][:, None]
-        rms = [
-            omega * np.stack([np.linalg.norm(e @ F.T, axis=-1) for F in factors], axis=-1)
-            for omega, e, factors in zip(self.omegas, error, self.factors, strict=True)
-        ]
-        results = {"rms": np.stack(rms)}
-        if block.trials.start > 0:
-            return results
-        focal_length_mm, sensor_width_mm, known, noise_px = self.study
-        P = setting.cameras(focal_length_mm, sensor_width_mm).P
-        predicted, coherence, share = [], [], []
-        of_modes = zip(self.omegas, self.points, self.factors, self.modes, strict=True)
-        for omega, points, factors, modes in of_modes:
-            C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known, noise_px)
-            squares = [np.sum((F @ C) * F) for F in factors]
-            both = zip(modes, squares, strict=True)
-            predicted.append([omega * np.sqrt(square) for square in squares])
-            coherence.append([radiation.coherence_ratio(F, C) for F in factors])
-            share.append([radiation.mean_squares(ways, C) / square for ways, square in both])
-        rows = {"predicted": predicted, "coherence": coherence, "radiated_share": share}
-        return results | {name: np.array(row) for name, row in rows.items()}
+    With the first trials also what the law of rounding predicts, (modes, planes, ...). `asked` are
+    the plain values of the study's request; of each mode come ω, points (3, 2, markers) at rest and
+    deflected, factors of the planes, and the loudest radiation modes of each plane.
+    """
+    setting, measured = block.load
+    error = measured.astype(float) - points[:, 2, 1][:, None]
+    rms = [
+        omega * np.stack([np.linalg.norm(e @ F.T, axis=-1) for F in of_planes], axis=-1)
+        for omega, e, of_planes in zip(omegas, error, factors, strict=True)
+    ]
+    results = {"rms": np.stack(rms)}
+    if block.trials.start > 0:
+        return results
+    P = setting.cameras(asked["focal_length_mm"], asked["sensor_width_mm"]).P
+    known, noise_px = asked["rest"] == "known", asked["noise_px"]
+    rows: dict[str, list[Any]] = {"predicted": [], "coherence": [], "radiated_share": []}
+    of_modes = zip(omegas, points.swapaxes(1, 2), factors, modes, strict=True)
+    for omega, (rest, bent), of_planes, loudest in of_modes:
+        C = rounding.deflection_covariance(P, rest, bent, known, noise_px)
+        squares = [np.sum((F @ C) * F) for F in of_planes]
+        both = zip(loudest, squares, strict=True)
+        rows["predicted"].append([omega * np.sqrt(square) for square in squares])
+        rows["coherence"].append([radiation.coherence_ratio(F, C) for F in of_planes])
+        rows["radiated_share"].append([radiation.mean_squares(ways, C) / s for ways, s in both])
+    return results | {name: np.array(row) for name, row in rows.items()}
 
 
 def run(
@@ -155,9 +152,8 @@ def run(
 
     shapes = np.stack([np.zeros_like(reference), reference], axis=1)  # at rest and deflected
     points = np.stack([structure.world_points(plate, both) for both in shapes])
-    known = study.rest == "known"
-    shared = (study.focal_length_mm, study.sensor_width_mm, known, study.noise_px)
-    work = _Sound(shared, omegas, points, factors, modes)
+    shared: dict[str, Any] = {"omegas": omegas, "points": points, "factors": factors}
+    work = partial(block_errors, asked=study.request, modes=modes, **shared)
     blocks = (
         workers.Block(index, trials, (setting, deflections[index, :, trials].values))
         for index, setting in enumerate(settings)
