@@ -23,10 +23,10 @@ from thesis_lib.planning import errors, structure_file
 from thesis_lib.planning.planner import Plan, as_cube, camera_table, plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.plotting import style
+from thesis_lib.plotting.panels import project_parallel
 from thesis_lib.plotting.style import HIGHLIGHT_COLOR, cycle_color, in_style, subplots
 from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.request import changed_parameters, join_command
-from thesis_lib.vision.pinhole import hemisphere_rotations
 from thesis_lib.web.html import VIEWER_CSS, join_modules, render_html, render_lines, static_html
 
 LAYOUT_VIEWS = ("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0)
@@ -35,17 +35,11 @@ NO_SCRIPT_TEXT = (
 )
 
 
-def flatten_points(points: Array, azimuth: float, elevation: float) -> Array:
-    """Project points (n, 3) in m along a direction in degrees, (n, 2) in mm."""
-    right, down, _ = hemisphere_rotations(*np.radians([azimuth, elevation]))
-    return np.asarray(points @ np.stack([right, -down]).T) * 1000
-
-
 def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float) -> None:
     """Draw the cameras of one option in a parallel projection from a direction in degrees."""
 
     def to_plane(points: Any) -> Array:
-        return flatten_points(np.asarray(points), azimuth, elevation)
+        return 1000 * project_parallel(points, azimuth, elevation)
 
     outline, where = (_finite(part[name].values) for name in ("outline", "camera_position"))
     centre = (outline.max(axis=0) + outline.min(axis=0)) / 2
@@ -202,7 +196,7 @@ def write_plan(
     lines = summarise_plan(made, file)
     size, ratios = (7.6, 3.1), [1.3, 1, 1]
     with in_style():
-        drawing, axes = subplots(1, 3, figsize=size, layout="constrained", width_ratios=ratios)
+        drawing, axes = subplots(1, 3, figsize=size, width_ratios=ratios)
         for axis, (words, azimuth, elevation) in zip(axes, LAYOUT_VIEWS, strict=True):
             layout_panel(axis, cube.isel(option=made.chosen), azimuth, elevation)
             axis.set_title(words)
@@ -298,7 +292,7 @@ def build_page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str
     """Return the plan as one page that loads nothing."""
     header, *rows = csv.reader(io.StringIO(camera_table(cube, plan_.chosen)))
     with in_style():
-        drawing, axes = subplots(figsize=(7.2, 3.8), layout="constrained")
+        drawing, axes = subplots(figsize=(7.2, 3.8))
         front_panel(axes, cube, plan_.request.target_percent)
     front = style.figure_svg(drawing)
     notes = ["on the front" if i in plan_.front else "" for i in range(len(plan_.options))]

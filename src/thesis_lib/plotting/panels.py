@@ -113,7 +113,8 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     for curve in (circle, overhead, overhead[:, [1, 0, 2]]):
         _draw(axes, radius * curve, color="#d0d0d0", lw=0.7)
     half = schema.structure_extent(cube)[0] / 2
-    seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in schema.structure_contours(cube)]
+    contours = schema.structure_contours(cube)
+    seen_curves = [project_parallel(np.insert(c, 2, 0, axis=1)) for c in contours]
     closed = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in seen_curves))
     axes.add_patch(PathPatch(closed, color="#9a9a9a", lw=1, zorder=3))
     seen: set[tuple[float, ...]] = set()
@@ -122,7 +123,7 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
             if (key := tuple(np.round(place, 6))) not in seen:
                 seen.add(key)
                 _draw(axes, np.array([place, 0 * place]), color=ink, lw=0.6, alpha=0.6)
-                axes.plot(*_view(place), "o", color=ink, ms=5, zorder=4)
+                axes.plot(*project_parallel(place), "o", color=ink, ms=5, zorder=4)
     varied, red = part["parameter"].values[0], style.HIGHLIGHT_COLOR
     look = {"color": red, "lw": 1.6, "zorder": 5}
     if varied == "distance_mm":
@@ -171,19 +172,18 @@ def camera_centres(setting: xr.Dataset) -> Array:
     return np.asarray(places[np.isfinite(places[:, 0])])
 
 
-def _view(points: ArrayLike) -> Array:
-    """Project points orthographically from azimuth 155°, elevation 28°."""
-    theta, phi = np.radians([155.0, 28.0])
-    right, down, _ = hemisphere_rotations(theta, phi)
+def project_parallel(points: ArrayLike, azimuth: float = 155.0, elevation: float = 28.0) -> Array:
+    """Project points (..., 3) orthographically, seen from a direction in degrees, (..., 2)."""
+    right, down, _ = hemisphere_rotations(*np.radians([azimuth, elevation]))
     return np.asarray(points, float) @ np.stack([right, -down]).T
 
 
 def _draw(axes: Axes, points: Array, **look: Any) -> None:
-    axes.plot(*_view(points).T, **look)
+    axes.plot(*project_parallel(points).T, **look)
 
 
 def _write(axes: Axes, place: Array, text: str, **look: Any) -> None:
-    u, v = _view(place)
+    u, v = project_parallel(place)
     axes.text(u, v, text, ha="center", va="center", **look)
 
 
