@@ -70,7 +70,8 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     for field in OPTION_FIELDS:
         if field not in ("tilt_deg", "in_view"):
             bare = ease_limit(bare, field)
-    if not np.any(positions.sees_enough(bare, candidate_positions(bare, step))):
+    seen = positions.visible_markers(bare, candidate_positions(bare, step))
+    if not np.any(positions.shows_enough(bare, seen)):
         both = f"{_text(request, 'tilt_deg')} and {_text(request, 'in_view')}"
         return ImpossibleError(f"plan: markers are never in view; binding: {both}")
     why = "several limits together, of which to ease one alone is not enough"

@@ -146,15 +146,10 @@ def first_most(values: Array) -> NDArray[np.int_]:
 
 def by_rule(layout: Array) -> Array:
     """Return the same layout with its cameras by azimuth, elevation, distance and lens."""
-    return layout[np.lexsort(_whole(layout).T[::-1])]
+    return layout[np.lexsort(whole_steps(layout).T[::-1])]
 
 
-def rank_layout(layout: Array) -> tuple[int, ...]:
-    """Return what decides between layouts of equal cost: the least is taken."""
-    return tuple(_whole(by_rule(layout)).ravel().tolist())
-
-
-def _whole(layout: Array) -> NDArray[np.int_]:
+def whole_steps(layout: Array) -> NDArray[np.int_]:
     """Return places in thousandths of a step, which have no noise."""
     steps = layout * [1, 1, PER_METRE, PER_METRE]
     steps[:, :2] = np.degrees(layout[:, :2]) * PER_DEGREE
@@ -292,11 +287,6 @@ def _parts(scene: Scene, count: int) -> list[slice]:
     return [slice(i, i + step) for i in range(0, count, step)]
 
 
-def sees_enough(scene: Scene, places: Array) -> Mask:
-    """Return which positions see the required share of the markers, shape (places,)."""
-    return shows_enough(scene, visible_markers(scene, places))
-
-
 def shows_enough(scene: Scene, seen: Mask) -> Mask:
     """Return which positions' views (places, markers) hold the required share, shape (places,)."""
     return seen.mean(axis=1) >= scene.rules.in_view - LIMIT_SLACK
@@ -348,7 +338,7 @@ def are_permitted(scene: Scene, places: Array) -> Mask:
         inside = inside & (values >= least * (1 - LIMIT_SLACK) - LIMIT_SLACK)
         inside = inside & (values <= most * (1 + LIMIT_SLACK) + LIMIT_SLACK)
     allowed = np.asarray(inside & np.all(region_clearances(scene, places) >= -LIMIT_SLACK, axis=0))
-    allowed[allowed] = sees_enough(scene, places[allowed])
+    allowed[allowed] = shows_enough(scene, visible_markers(scene, places[allowed]))
     return allowed
 
 

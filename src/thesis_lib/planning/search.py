@@ -163,7 +163,8 @@ def choose_layout(scene: positions.Scene, layouts: Sequence[Array], objective: s
         image[:, 1] = positions.angles(image[:, 1], scene.rules.elevations)
         if errors.is_allowed(scene, image) and layout_cost(scene, image, objective) <= most:
             alike.append(image)
-    return min(map(positions.by_rule, alike), key=positions.rank_layout, default=None)
+    ordered = map(positions.by_rule, alike)
+    return min(ordered, key=lambda one: positions.whole_steps(one).ravel().tolist(), default=None)
 
 
 def best_layouts(
