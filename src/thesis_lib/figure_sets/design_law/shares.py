@@ -19,12 +19,8 @@ from thesis_lib.vision import cone_law, dither, interval, rounding, simulation, 
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
 
-# What everything is drawn with: projection matrices and rounded images to points (3, ...).
-ESTIMATORS: dict[str, Callable[[Array, Array], Array]] = {
-    "least squares": triangulation.triangulate,
-    "analytic centre": lambda P, uv: analytic_centre(P, uv).points,
-    "interval": lambda P, uv: interval.interval_estimate(P, uv).points,
-}
+ESTIMATORS = ("least squares", "analytic centre", "interval")  # that all is drawn with
+_RULES = [name.replace(" ", "-") for name in ESTIMATORS]  # as `simulation` names them
 
 MARKER_DIAMETER_M = 0.005  # m, diameter of a marker in chapter 5
 # Height of a marker's image from which on the laboratory's tracker follows all of them: in
@@ -52,9 +48,10 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         fit[at] = predict_amplitude_error(rig, filmed, inverse)
         view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
         frames = one_frame(rig, points, study)
-        for e, estimate in enumerate(ESTIMATORS.values()):
+        for e, rule in enumerate(_RULES):
             drawn[:, e, *at] = simulation.rms_with_std(frames[e])
-            height = estimate(rig.P, images)[2][number]
+            (found,) = simulation.estimate_points(rig.P, images, [rule])
+            height = found[2][number]
             waves = (inverse[:, :2] @ height[..., None])[..., 0]
             wrong = np.linalg.norm(waves, axis=1) - peaks
             drawn_fit[:, e, *at] = simulation.rms_with_std(wrong)
@@ -87,11 +84,11 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
 def one_frame(rig: CameraArray, points: Array, study: DesignLaw) -> Array:
     """Return rms deflection errors (estimators, trials) in m of markers (3, 1 + modes, m)."""
     trials = min(study.trials, MAX_FRAME_TRIALS)
-    shifts = np.moveaxis(rounding.grid_shifts(study.seed, trials, len(rig))[1:], 0, 2)
-    shift = shifts[:, :, None, :, None]
-    pixels = pixelate(project(rig.P, points)[:, :, :, None] + shift) - shift
-    height = np.stack([estimate(rig.P, pixels)[2] for estimate in ESTIMATORS.values()])
-    error = height[:, 1:] - height[:, :1] - points[2, 1:, None]
+    shifts = rounding.grid_shifts(study.seed, trials, len(rig))[1:]
+    measured = [
+        simulation.measure_deflections(rig, points, shifts, estimator=rule) for rule in _RULES
+    ]
+    error = np.stack(measured) - points[2, 1:, None]
     return np.asarray(np.sqrt(np.mean(error**2, axis=(1, 2))))
 
 
@@ -175,7 +172,6 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
     slowest = int(np.argmin(study.frame_rates_hz))
     settings = study.settings()[slowest :: len(study.frame_rates_hz)]
     shape = (len(settings), len(NOISES_PX))
-    rules = [name.replace(" ", "-") for name in ESTIMATORS]  # as `simulation` names them
     drawn = np.empty((2, *shape, len(ESTIMATORS)))  # rms and standard error
     least = np.zeros(shape)
     agreeing = np.empty((len(settings), len(ASSUMED_MISTAKES)))
@@ -191,7 +187,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
         moved = points[2, 1] - points[2, 0]
         for k, sigma in enumerate(NOISES_PX):
             pixels = np.rint(images + sigma * noise) - shift
-            z = simulation.estimate_points(rig.P, pixels, rules, sigma)[:, 2]
+            z = simulation.estimate_points(rig.P, pixels, _RULES, sigma)[:, 2]
             wrong = z[:, 1] - z[:, 0] - moved
             drawn[:, i, k] = simulation.rms_with_std(wrong.T)
             if sigma:
@@ -250,27 +246,21 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
     """Simulate deflection errors over random layouts by cameras, pixel noise and distances."""
     layouts = min(MAX_LAYOUTS, study.trials)
 
-    def crowded(n_cameras: int, noise_px: float) -> Array:
-        stand = (CROWD_DISTANCE_M,) * n_cameras
-        return simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise_px, seed=study.seed)
+    def errors(stand: tuple[float, ...], **how: Any) -> Array:
+        return simulation.deflection_errors(stand, layouts, MAX_MARKERS, seed=study.seed, **how)
 
-    sharp = [
-        simulation.deflection_errors(
-            stand, layouts, MAX_MARKERS, 0.0, SHARP_FOCAL_PX, SHARP_SIZE_PX, study.seed
-        )
-        for stand in UNEQUAL_DISTANCES_M
-    ]
+    lens = {"focal_px": SHARP_FOCAL_PX, "size": SHARP_SIZE_PX}
+    sharp = [errors(stand, **lens) for stand in UNEQUAL_DISTANCES_M]
     # what is asked for several times is drawn once: fewer layouts are the first of more
-    clean = {n: crowded(n, 0.0) for n in EQUIDISTANT_COUNTS}
-    noisy = [
-        crowded(NOISY_CAMERAS, noise) if noise else clean[NOISY_CAMERAS] for noise in RIG_NOISES_PX
-    ]
+    clean = {n: errors((CROWD_DISTANCE_M,) * n) for n in EQUIDISTANT_COUNTS}
+    crowd = (CROWD_DISTANCE_M,) * NOISY_CAMERAS
+    noisy = [errors(crowd, noise_px=n) if n else clean[NOISY_CAMERAS] for n in RIG_NOISES_PX]
     few = min(NOISY_LAYOUTS, layouts)
     compared = [simulation.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
     return {
         "tolerated_noise": [
-            noise_tolerance(n, few, study.seed, errors[:few].take(compared, axis=1))
-            for n, errors in clean.items()
+            noise_tolerance(n, few, study.seed, one[:few].take(compared, axis=1))
+            for n, one in clean.items()
         ],
         **_name_errors("equidistant_rig_error", clean.values()),
         **_name_errors("noise_error", noisy),
