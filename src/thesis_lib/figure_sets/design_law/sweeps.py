@@ -109,7 +109,8 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return the distance, resolution, number, elevation and aperture, each by itself."""
     values = np.empty((len(SWEPT_FINDINGS), len(STRUCTURES), SWEEP_STEPS))
     kinds = ("expected", "exact", "centre", "noisy", "noisy_centre", "small")
-    errors = {kind: np.empty_like(values) for kind in kinds}
+    found = np.empty((len(kinds), *values.shape))
+    errors = dict(zip(kinds, found, strict=True))
     # Exponents are of cos φ for elevations; the aperture has none
     exponents = {
         kind: np.full(values.shape[:2], np.nan) for kind in ("expected", "centre", "small")
@@ -119,22 +120,20 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
         peak = float(setups.assumed_values(name)["amplitude_mm"]) / 1000
         tiny_peak = study.small_amplitude_mm / 1000
         points, tiny = mode_shapes(make(), peak), mode_shapes(make(), tiny_peak)
+        peaks = np.array([peak] * 5 + [tiny_peak])
         for f, finding in enumerate(SWEPT_FINDINGS):
             values[f, s] = sweep_values(name, finding)
             for i, value in enumerate(values[f, s]):
                 cameras, centre, noisy_centre = step_rig(study, name, finding, value)
-                at = f, s, i
-                errors["expected"][at] = 100 * predicted_rms(cameras, points) / peak
-                errors["exact"][at] = 100 * exact_rms(cameras, points) / peak
-                errors["small"][at] = 100 * exact_rms(cameras, tiny) / tiny_peak
-                errors["centre"][at] = 100 * centre / peak
-                errors["noisy"][at] = 100 * noise_error(cameras, points[:, 0]) / peak
-                errors["noisy_centre"][at] = 100 * noisy_centre / peak
+                rounded = predicted_rms(cameras, points), exact_rms(cameras, points), centre
+                noisy = noise_error(cameras, points[:, 0]), noisy_centre
+                metres = np.array([*rounded, *noisy, exact_rms(cameras, tiny)])
+                found[:, f, s, i] = 100 * metres / peaks
             if finding != "aperture":
                 low = finding == "elevation"
                 base = np.cos(np.radians(values[f, s])) if low else values[f, s]
-                for kind, found in exponents.items():
-                    found[f, s] = fit_exponent(base, errors[kind][f, s])
+                for kind, powers in exponents.items():
+                    powers[f, s] = fit_exponent(base, errors[kind][f, s])
         # Every degree: with amplitudes as they are the law has many dips
         apertures = np.arange(10.0, 181.0)
         tried = [step_rig(study, name, "aperture", one)[0] for one in (*apertures, WIDE_DEG)]
@@ -145,7 +144,7 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
     return {
         "swept": values,
         **{f"{kind}_error": errors[kind] for kind in kinds if kind != "small"},
-        **{f"{kind}_exponent": found for kind, found in exponents.items()},
+        **{f"{kind}_exponent": powers for kind, powers in exponents.items()},
         "best_aperture": best,
         "wide_gain": gained,
     }
