@@ -145,6 +145,7 @@ class Option:
     resolution: tuple[int, int]  #: Width and height in px
     kind: int  #: Which of the resolutions that is
     frame_rate: float  #: In Hz
+    pixel_rate: float  #: Pixels per second of all cameras
     cost: float  #: Pixels per second of all cameras, or their price
     expected: float  #: Largest error of a mode in %, averaged over amplitudes
     #: Error of every marker by the law of rounding, at the amplitude asked for, in %, shape
@@ -164,11 +165,6 @@ class Option:
     def error(self) -> float:
         """Return the largest error of a mode in %."""
         return float(self.predicted.max())
-
-    @property
-    def pixel_rate(self) -> float:
-        """Return the pixels per second of all cameras."""
-        return len(self.layout) * self.resolution[0] * self.resolution[1] * self.frame_rate
 
 
 @dataclass(frozen=True)
@@ -320,7 +316,7 @@ def _options(
             price = len(layout) * request.prices[kind] if request.prices else pixels
             expected, least = (factor * np.sqrt(each) / width for each in (value, bound))
             own = errors.objective_error(point, request.objective)
-            found = kind, rate, price, expected, point, own, least, scene
+            found = kind, rate, pixels, price, expected, point, own, least, scene
             options.append(Option(layout, (width, height), *found))
     return options
 
