@@ -327,10 +327,10 @@ def cantilever_roots(n_modes: int) -> Array:
 POISSON_RATIO = 0.31  # Table 3.1
 
 
-def torsional_rigidity(beam: Beam, poisson: float = POISSON_RATIO) -> float:
+def torsional_rigidity(beam: Beam) -> float:
     """Return GJ in N m², with J of a rectangle: b h³/3 (1 − 0.63 h/b (1 − h⁴ / 12b⁴)), h ≤ b."""
     b, h = beam.width, beam.thickness
-    shear = beam.youngs_modulus / (2 * (1 + poisson))
+    shear = beam.youngs_modulus / (2 * (1 + POISSON_RATIO))
     return shear * b * h**3 / 3 * (1 - 0.63 * h / b * (1 - h**4 / (12 * b**4)))
 
 
@@ -340,32 +340,25 @@ def torsional_inertia(beam: Beam) -> float:
     return beam.density * b * h * (b**2 + h**2) / 12
 
 
-def torsional_frequency(beam: Beam, mode: int = 1, poisson: float = POISSON_RATIO) -> float:
-    """Return the natural angular frequency in rad/s of a torsional mode."""
+def torsional_frequency(beam: Beam, mode: int | IntArray) -> Array:
+    """Return the natural angular frequency in rad/s of torsional modes."""
     wave = (2 * mode - 1) * np.pi / (2 * beam.length)
-    return float(wave * np.sqrt(torsional_rigidity(beam, poisson) / torsional_inertia(beam)))
+    return np.asarray(wave * np.sqrt(torsional_rigidity(beam) / torsional_inertia(beam)))
 
 
-def tip_twist(
-    beam: Beam,
-    aside: float,
-    omega: float,
-    force: float = 1.0,
-    modes: int = 1,
-    poisson: float = POISSON_RATIO,
-) -> float:
-    """Return the deflection in m of the tip's edges by a harmonic force `aside` of the axis, in m.
+def tip_twist(beam: Beam, aside: float, omega: float, modes: int = 1) -> float:
+    """Return the deflection in m of the tip's edges by a force of 1 N `aside` of the axis, in m.
 
-    The force, of an amplitude in N at the angular frequency `omega` in rad/s, acts at the beam's
-    force point; so many torsional `modes` are summed.
+    The harmonic force, at the angular frequency `omega` in rad/s, acts at the beam's force point;
+    so many torsional `modes` are summed.
     """
     n = np.arange(1, modes + 1)
-    wn = np.array([torsional_frequency(beam, int(k), poisson) for k in n])
+    wn = torsional_frequency(beam, n)
     drive = np.sin((2 * n - 1) * np.pi * beam.force_position / (2 * beam.length))
     tip = np.sin((2 * n - 1) * np.pi / 2)
     modal_inertia = torsional_inertia(beam) * beam.length / 2
     stiffness = wn**2 - omega**2 + 2j * beam.damping * wn * omega
-    angle = np.sum(force * aside * drive * tip / (modal_inertia * stiffness))
+    angle = np.sum(aside * drive * tip / (modal_inertia * stiffness))
     return float(np.abs(angle) * beam.width / 2)
 
 
