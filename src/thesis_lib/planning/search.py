@@ -51,13 +51,7 @@ class Once:
 
 
 class Surroundings:
-    """What cameras of a scene find about them: small steps lead to the same places over and over.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is measured, and the rules.
-    """
+    """Cache of what cameras of a scene find about them: steps lead to the same places again."""
 
     def __init__(self, scene: positions.Scene) -> None:
         self.scene = scene

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,12 +69,8 @@ def clip_polygon(polygon: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
     edges of no width. No corners are left of a polygon outside.
     """
     found = np.asarray(polygon, float)
-    for axis, sign, limit in (
-        (axis, sign, limit)
-        for sign, limits in ((1, low), (-1, high))
-        for axis, limit in enumerate(np.asarray(limits, float))
-    ):
-        depth = sign * (found[:, axis] - limit)
+    for (sign, limits), axis in product(((1, low), (-1, high)), range(2)):
+        depth = sign * (found[:, axis] - np.asarray(limits, float)[axis])
         corners = []
         for i in range(len(found)):  # the edge to each corner from the one before
             if (depth[i - 1] < 0) != (depth[i] < 0):
