@@ -71,7 +71,7 @@ def run(study: Planner) -> xr.Dataset:
 def _whole(cube: xr.Dataset, made: planner.Plan, study: Planner) -> xr.Dataset:
     """Return a plan's cube with a row for every option asked for, NaN where none was found."""
     wanted = [(w, n) for w, _ in study.resolutions_px for n in sorted(study.counts)]
-    have = {(one.resolution[0], len(one.layout)): i for i, one in enumerate(made.options)}
+    have = [(one.resolution[0], len(one.layout)) for one in made.options]
     ratios = [
         errors.average_predicted(one.scene, one.layout, one.resolution[0]) / one.expected
         for one in made.options
@@ -80,12 +80,11 @@ def _whole(cube: xr.Dataset, made: planner.Plan, study: Planner) -> xr.Dataset:
         cube.drop_vars(_DROPPED_VARIABLES)
         .assign(averaged_law_ratio=("option", ratios))
         .pad(camera=(0, max(study.counts) - cube.sizes["camera"]), constant_values=np.nan)
+        .astype(float)
+        .assign_coords(option=list(map(str, have)))
+        .reindex(option=list(map(str, wanted)))
+        .drop_vars("option")
     )
-    rows = [have.get(pair, -1) for pair in wanted]
-    cube = cube.isel(option=[max(row, 0) for row in rows])
-    cube = cube.where(xr.DataArray(np.array(rows) >= 0, dims="option"))
-    for name in ("outline", "frequency"):
-        cube[name] = cube[name].isel(option=0, drop=True)
     for name, column in zip(("width_px", "n_cameras"), zip(*wanted, strict=True), strict=True):
         cube[name] = ("option", list(column), cube[name].attrs)
     return cube
