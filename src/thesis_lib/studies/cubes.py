@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from thesis_lib.arrays import Array, ComplexArray, NDArray
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.files import shipped, whole_text
 from thesis_lib.text import RefusedError, describe_damage, one_line
 
@@ -51,11 +51,6 @@ def iterate_slices(cube: _Cube, dim: str) -> Iterator[_Cube]:
 def complex_of(data: xr.Dataset, name: str) -> ComplexArray:
     """Return the complex values of a variable that is stored as two parts."""
     return np.asarray(data[f"{name}_real"].values + 1j * data[f"{name}_imag"].values)
-
-
-def split_complex(name: str, values: NDArray[np.inexact]) -> dict[str, NDArray[np.inexact]]:
-    """Return the two variables as which complex values are stored."""
-    return {f"{name}_real": values.real, f"{name}_imag": values.imag}
 
 
 def list_dimension(cube: xr.Dataset) -> str:

@@ -19,7 +19,7 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.arrays import Array, IntArray, stack_padded
+from thesis_lib.arrays import Array, IntArray, NDArray, stack_padded
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.files import NoCloneError, library_digest, project_root
@@ -69,6 +69,11 @@ def label_values(
         name: ((*over, *table[name].dims), np.asarray(each), table[name].attributes)
         for name, each in values.items()
     }
+
+
+def split_complex(name: str, values: NDArray[np.inexact]) -> dict[str, NDArray[np.inexact]]:
+    """Return the two variables as which complex values are stored."""
+    return {f"{name}_real": values.real, f"{name}_imag": values.imag}
 
 
 def list_quantities(rows: Iterable[tuple[str, float, str]]) -> dict[str, Any]:

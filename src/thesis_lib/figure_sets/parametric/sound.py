@@ -26,7 +26,6 @@ from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.studies import schema, workers
-from thesis_lib.studies.cubes import split_complex
 from thesis_lib.templates import render
 from thesis_lib.vibration import structure
 from thesis_lib.vision import rounding
@@ -134,7 +133,7 @@ def run(
         "best_and_worst": ends,
         "piston_size": np.array(omegas) / medium.speed_of_sound * max(parts.size),
         "radiation_efficiency": [radiation.radiation_efficiency(*one) for one in moving],
-        **split_complex("pressure_reference", fields.astype("complex64")),
+        **schema.split_complex("pressure_reference", fields.astype("complex64")),
     }
     cube = cube.assign(schema.label_values(values, VARIABLES))
     cube = cube.assign_coords(

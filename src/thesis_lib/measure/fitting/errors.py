@@ -26,8 +26,7 @@ from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_serie
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.cubes import split_complex
-from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.schema import label_values, read_variables, split_complex
 from thesis_lib.vision import pinhole
 
 MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which a marker stands still in the video

@@ -18,8 +18,7 @@ from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording, share_lost
-from thesis_lib.studies.cubes import split_complex
-from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.schema import label_values, read_variables, split_complex
 from thesis_lib.vibration.motion import Component, fold_frequency, list_aliases
 from thesis_lib.vibration.structure import Beam, Plate, resonance_frequency
 from thesis_lib.vision.simulation import assurance_criterion

@@ -16,8 +16,8 @@ from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
-from thesis_lib.studies.cubes import complex_of, split_complex
-from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.cubes import complex_of
+from thesis_lib.studies.schema import label_values, read_variables, split_complex
 from thesis_lib.vision.pinhole import projection_matrices
 
 MAX_MODES = 8  # modes that are sought if their number is not given

@@ -99,8 +99,8 @@ def pole_columns(times: Array, rates: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class TrackFit:
-    """The best fit of some poles to the tracks of one camera."""
+class AmplitudeFit:
+    """The best amplitudes at some poles for the tracks of one camera."""
 
     columns: Array  #: Those of :func:`pole_columns`, shape (frames, n)
     coefficients: Array  #: 0 where too little is known, shape (n, series)
@@ -108,15 +108,15 @@ class TrackFit:
     residual: Array  #: Of the values; 0 where missing, shape (frames, series)
 
 
-def fit_tracks(block: TrackBlock, rates: Array) -> TrackFit:
-    """Fit poles (modes, 2) to each series where it is known."""
+def fit_amplitudes(block: TrackBlock, rates: Array) -> AmplitudeFit:
+    """Fit amplitudes at poles (modes, 2) to each series where it is known."""
     B, (seen, of) = pole_columns(block.times, rates), block.patterns
     matrix = _moments(B, B, seen)
     enough = (seen.sum(axis=0) >= B.shape[1] + 2) & (np.linalg.cond(matrix) < MAX_CONDITION)
     inverse = np.linalg.inv(np.where(enough[:, None, None], matrix, np.eye(B.shape[1])))[of]
     found = np.where(enough[of], np.einsum("sij,js->is", inverse, B.T @ block.values), 0.0)
     covariance = np.where(enough[of, None, None], inverse, np.inf)
-    return TrackFit(B, found, covariance, np.where(block.known, block.values - B @ found, 0.0))
+    return AmplitudeFit(B, found, covariance, np.where(block.known, block.values - B @ found, 0.0))
 
 
 def _moments(B: Array, C: Array, seen: Array) -> Array:
@@ -124,7 +124,7 @@ def _moments(B: Array, C: Array, seen: Array) -> Array:
     return np.asarray(np.einsum("ti,tj,tp->pij", B, C, seen, optimize=True), float)
 
 
-def residual_scatter(block: TrackBlock, fit: TrackFit) -> Array:
+def residual_scatter(block: TrackBlock, fit: AmplitudeFit) -> Array:
     """Estimate the scatter of each series about a fit, px; NaN if hardly seen."""
     freedom = block.known.sum(axis=0) - len(fit.coefficients)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -144,7 +144,7 @@ class Equations:
 
 def equations_of(block: TrackBlock, rates: Array) -> Equations:
     """Set up the equations of one camera at some poles."""
-    own, (seen, of) = fit_tracks(block, rates), block.patterns
+    own, (seen, of) = fit_amplitudes(block, rates), block.patterns
     B, fit, inverse = own.columns, own.coefficients, own.covariance
     tB = B * block.times[:, None]
     mix = np.zeros((len(of), len(fit), rates.size))  # tB @ mix is the derivative of a series' fit
@@ -230,7 +230,7 @@ def residual_spectrum(
     even = np.arange(band[0], band[1], 1 / (POINTS_PER_LINE * span))
     logs = np.zeros_like(even)
     for block in blocks:
-        left = fit_tracks(block, rates).residual
+        left = fit_amplitudes(block, rates).residual
         strongest = np.linalg.eigh(left.T @ left)[1][:, -PRINCIPAL_SERIES:]
         left = left @ strongest
         step = float(np.median(np.diff(block.times))) / POINTS_PER_FRAME
@@ -273,7 +273,7 @@ def search_modes(
         if len(found) < most and line is not None:
             trials = [np.vstack([rates, [decay, 2 * np.pi * line]]) for decay in decays]
             left = [
-                sum(np.sum(fit_tracks(one, trial).residual ** 2) for one in blocks)
+                sum(np.sum(fit_amplitudes(one, trial).residual ** 2) for one in blocks)
                 for trial in trials
             ]
             found.append(fit_poles(blocks, trials[int(np.argmin(left))], damped))

@@ -83,7 +83,7 @@ def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places:
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * scipy.spatial.KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(MAX_LOOKS):
-        left = fits.fit_tracks(replace(block, known=known), rates).residual
+        left = fits.fit_amplitudes(replace(block, known=known), rates).residual
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = find_strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
@@ -163,7 +163,7 @@ def mode_images(
     With them, the scatter of the images about the modes, px, shape (2 markers,).
     """
     markers = track.uv.shape[2]
-    fitted = fits.fit_tracks(block, poles.rates)
+    fitted = fits.fit_amplitudes(block, poles.rates)
     sigma = fits.residual_scatter(block, fitted).reshape(2, markers)
     fit = fitted.coefficients * block.scale
     found = []

@@ -26,8 +26,7 @@ import xarray as xr
 from thesis_lib.acoustics import estimates, radiation, surfaces
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
-from thesis_lib.studies.cubes import split_complex
-from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.schema import label_values, read_variables, split_complex
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Beam, Plate
 

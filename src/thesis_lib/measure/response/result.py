@@ -32,8 +32,7 @@ from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.response import signals
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.cubes import split_complex
-from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.schema import label_values, read_variables, split_complex
 
 ESTIMATORS = ("H1", "H2", "Hv")
 HANN_SHARE = 1 / 6  # of a line's power that a Hann window adds to each neighbour
