@@ -56,8 +56,7 @@ function fromAddress(query, structures) {
   if (size.length < 3 && size.every((n) => Number.isInteger(n) && n === clamp(n, range)))
     state.w = size.length === 2 ? size : sixteenToNine(size[0]);
   const cameras = (given.get("c") ?? "").split(";").map((pair) => pair.split(",").map(number));
-  const pairs = cameras.every((pair) => pair.length === 2 && pair.every(Number.isFinite));
-  if (pairs && isLayout(cameras)) state.c = cameras;
+  if (cameras.every((pair) => pair.length === 2) && isLayout(cameras)) state.c = cameras;
   return state;
 }
 function toAddress(state, structure) {

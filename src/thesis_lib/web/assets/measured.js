@@ -29,7 +29,7 @@ function render({ model, el }) {
       field("Whiskers (2 ±)", whiskers)), panel.node,
     colourBar("tl-measured-scale", colormap, most, "mm", "deflection", 260), motion.node);
   const scene = svg("g"), shape = svg("g", { class: "tl-measured-shape" });
-  let at = (i, w) => [i, w], phase = 0;
+  let at = null, phase = 0; // the place of a marker on the screen, set when drawn
   const polygons = faces.map(() => path("tl-face", "")), bars = edges.map(() => path("tl-mesh", ""));
   const errors = points.map(() => path("tl-whisker", ""));
   const dots = points.map(() => circle("tl-dot", 0, 0, 3.2));

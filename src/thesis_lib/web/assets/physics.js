@@ -56,8 +56,8 @@ function solveSymmetric(xx, xy, xz, yy, yz, zz, x, y, z, into) {
 
 // Points that fit their images best: a linear start, then Gauss–Newton steps on the reprojection
 // error (eq. 3.19). From points that are given the second step changes less than 1e-5 px.
-export function triangulate(P, uv, given = null, steps = given ? 2 : 3) {
-  const n = P.length / 12, count = uv.length / (2 * n);
+export function triangulate(P, uv, given = null) {
+  const n = P.length / 12, count = uv.length / (2 * n), steps = given ? 2 : 3;
   const points = new Float64Array(3 * count), d = new Float64Array(3);
   const middle = new Float64Array(2 * n), Q = P.slice(); // pixels from the principal point
   for (let i = 0; i < n; i += 1) {

@@ -88,12 +88,11 @@ KINDS.plate = (study, uid) => {
     c.readout.textContent = [b.readout.textContent, ...measured].join("; ");
   }
   function walk(event) {
-    const [nx, ny] = study.data.grid, from = cell ?? 0;
-    const [dx, dy] = ARROWS[event.key] ?? [];
+    const [nx, ny] = study.data.grid, [dx, dy] = ARROWS[event.key] ?? [];
     if (event.key === "Escape") point(null);
     else if (dx === undefined) return;
-    else point(cell === null ? 0 : clamp(Math.floor(from / nx) + dy, [0, ny - 1]) * nx +
-      clamp((from % nx) + dx, [0, nx - 1]));
+    else point(cell === null ? 0 : clamp(Math.floor(cell / nx) + dy, [0, ny - 1]) * nx +
+      clamp((cell % nx) + dx, [0, nx - 1]));
     event.preventDefault();
   }
 

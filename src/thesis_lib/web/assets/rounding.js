@@ -13,12 +13,12 @@ const rms = (values) => Math.sqrt(average(values.map((value) => value * value)))
 const action = (words, onClick) => button(words, { class: "tl-play" }, onClick);
 
 // A slider for a key of the state, as a row of an experiment describes it.
-function createSlider(state, set, [words, key, usual, range, step, digits, unit]) {
-  const shown = html("b"), box = html("input", { type: "range", min: range[0], max: range[1], step,
+function createSlider(state, set, [words, key, , [min, max], step, digits, unit]) {
+  const shown = html("b"), box = html("input", { type: "range", min, max, step,
     oninput: () => set({ [key]: Number(box.value) }) });
   const node = html("label", { class: "tl-field tl-demo-slider" },
     html("span", {}, `${words} `, shown), box);
-  return { node, key, usual, range, refresh() {
+  return { node, refresh() {
     box.value = state[key];
     shown.textContent = `${fixed(state[key], digits)}${unit}`;
     fill(box, { "aria-valuetext": shown.textContent });
@@ -43,13 +43,12 @@ function render({ model, el }) {
   };
   const built = build({ ...panels, ...model.get("data"), state, set, request, random });
   const sliders = rows.map((row) => createSlider(state, set, row));
-  const nameOf = ({ key }) => `${name}-${key}`;
-  const valueOf = ({ key, usual }) => (state[key] === usual ? null : state[key]);
   const remember = () => // in the address
-    keep(Object.fromEntries(sliders.map((one) => [nameOf(one), valueOf(one)])));
-  for (const one of sliders) { // what is unknown or makes no sense is ignored
-    const given = asked(nameOf(one)), value = Number(given || NaN);
-    if (value === clamp(value, one.range)) set({ [one.key]: value });
+    keep(Object.fromEntries(rows.map(([, key, usual]) =>
+      [`${name}-${key}`, state[key] === usual ? null : state[key]])));
+  for (const [, key, , range] of rows) { // what is unknown or makes no sense is ignored
+    const value = Number(asked(`${name}-${key}`) || NaN);
+    if (value === clamp(value, range)) set({ [key]: value });
   }
   const handlers = { onchange: remember, onclick: remember, onpointerup: remember };
   const root = html("section", { class: "tl-viewer tl-demo", "aria-label": label, ...handlers },
