@@ -153,11 +153,22 @@ _WARNING_PATTERN = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
 
 def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
-    """Render the book of a project into ``build/html``, pack it, and return the page to open.
+    """Render the book of a project into ``build/html``, and pack it as one zip file.
 
     Sphinx reads and writes again what has changed since the last call. A failed build leaves the
-    finished book alone. `made` has the executed notebook and the cube of each figure set, which the
-    pages offer and describe.
+    finished book alone.
+
+    Parameters
+    ----------
+    root : Path
+        The folder of the project.
+    made : sequence of tuple
+        Executed notebook and cube of each figure set, which the pages offer and describe.
+
+    Returns
+    -------
+    Path
+        The page to open.
     """
     install_assets(root)
     source = run_sphinx(root, "html")
@@ -219,7 +230,10 @@ def run_sphinx(root: Path, builder: str) -> Path:
 def install_assets(root: Path) -> Path:
     """Install what pages need in ``build/assets``, unless the locked version is there.
 
-    BookError reports that the lock file or npm is missing, or that the installation has failed.
+    Raises
+    ------
+    BookError
+        If the lock file is missing, npm is missing or the installation fails.
     """
     lock, assets = root / "package-lock.json", root / "build" / "assets"
     try:

@@ -162,7 +162,13 @@ class Claim:
 
 
 def read_claims() -> list[Claim]:
-    """Read the claimed values, from ``data/thesis/claims.csv``, refused line by line."""
+    """Read the claimed values, from ``data/thesis/claims.csv``.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and the field of a malformed row.
+    """
     rounding = {"rounding": lambda row: [half_digit(row[end]) for end in ("low", "high")]}
     return [*read_rows("claims.csv", Claim, rounding)]
 
@@ -245,7 +251,13 @@ class Reason:
 
 
 def read_reasons() -> dict[str, Reason]:
-    """Read the reasons by the names of claims, from ``data/thesis/reasons.csv``, line by line."""
+    """Read the reasons by the names of their claims, from ``data/thesis/reasons.csv``.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and the field of a malformed row.
+    """
     return {one.id: one for one in read_rows("reasons.csv", Reason)}
 
 

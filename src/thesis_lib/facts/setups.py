@@ -176,8 +176,18 @@ def array_settings(
 ) -> list[Setting]:
     """Return the cases 4a–4e: pairs added one after the other; then the reader's own layouts.
 
-    Pairs of a case are added as ``printed`` unless `pair_order` has ``reversed`` for it. `layouts`
-    has growing sets of cameras by name, each with their ``(azimuth, elevation)`` in degrees.
+    Parameters
+    ----------
+    cases : sequence of str
+        Cases of Table 3.4.
+    pair_order : mapping
+        ``printed`` or ``reversed`` by case; cases not named are taken as printed.
+    layouts : mapping
+        Name to a list of growing sets of ``(azimuth, elevation)`` in degrees.
+    distance_mm : float
+        Distance of all cameras.
+    resolution_px : tuple of int
+        Width and height of the sensor.
     """
     grown: list[tuple[str, str, Sequence[Sequence[Direction]]]] = []
     for case in cases:

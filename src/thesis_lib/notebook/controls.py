@@ -41,8 +41,18 @@ class LiveView:
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
     """Return controls of a figure set for the end of its notebook.
 
-    `namespace` is the notebook's ``globals()``: its parameters are what the controls begin with,
-    and a new cube becomes its ``result``, so that any cell can be run again to show it.
+    Parameters
+    ----------
+    name : str
+        Name of the figure set.
+    namespace : mapping
+        The notebook's ``globals()``: its parameters are what the controls begin with, and a new
+        cube becomes its ``result``, so that any cell can be run again to show it.
+
+    Returns
+    -------
+    LiveView or None
+        None if the notebook writes its cube to a file, for then nobody is looking.
     """
     if namespace.get("cube"):  # written to a file: nobody is looking
         return None
@@ -54,7 +64,12 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
 class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no annotations
     """Controls of a figure set, which begin with the values of a request, and its results below.
 
-    `keep` is given each new cube.
+    Parameters
+    ----------
+    request : Study
+        A validated request.
+    keep : callable
+        Is given each new cube.
     """
 
     def __init__(

@@ -72,7 +72,17 @@ class Body:
 
 
 def body_of(structure: Structure, name: str, modes: Sequence[int]) -> Body:
-    """Make a body of a beam, plate or panel: its centre is the origin, its normals are +Z."""
+    """Make a body of a beam or plate: its centre is the origin, its normals are +Z.
+
+    Parameters
+    ----------
+    structure : Structure
+        Beam or plate.
+    name : str
+        What it is called.
+    modes : sequence of int
+        Numbers of the modes, from 1.
+    """
     markers = structure.markers
     half = np.array(structure.extent) / 2
     flat = np.zeros((1, markers.shape[1]))
