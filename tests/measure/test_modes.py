@@ -11,6 +11,8 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes, modal_assurance
+from thesis_lib.measure.modes.poles import block_of
+from thesis_lib.measure.modes.shapes import without_outliers
 from thesis_lib.measure.pipeline import Recorded, measure_modes
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation
 from thesis_lib.measure.report.warnings import check_modes
@@ -63,6 +65,18 @@ def test_markers_taken_for_their_neighbours_are_left_out_and_told():
     np.testing.assert_allclose(found["left_out"], [0.1 * 20 / 75, 0, 0, 0], atol=2e-3)
     np.testing.assert_allclose(found["damping"], truth.damping, rtol=0.05)
     assert min(similarity(found, truth)) > 0.999
+
+
+@pytest.mark.parametrize(("count", "off_px"), [(60, 3.0), (60, 1.0), (300, 5.0)])
+def test_outliers_and_no_other_centres_are_left_out(count, off_px):
+    truth, rng = beam_modes(), np.random.default_rng(0)
+    track, omega = tracks(RIG, truth)[0], 2 * np.pi * truth.frequency
+    stray = rng.permutation(track.uv[:, 0].size).reshape(len(track.uv), -1) < count
+    uv = track.uv + off_px * stray[:, None] * rng.choice([-1, 1], track.uv.shape)
+    block = block_of(track.times, uv.reshape(len(uv), -1), np.full(uv[0].size, 0.02))
+    rates = np.stack([truth.damping * omega, omega * np.sqrt(1 - truth.damping**2)], axis=1)
+    found = without_outliers(replace(track, uv=uv), block, rates, REST.places)
+    np.testing.assert_array_equal(np.isnan(found.uv), np.stack([stray, stray], axis=1))
 
 
 # What missing centres, and all else, do to standard errors.

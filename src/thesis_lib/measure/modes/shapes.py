@@ -78,21 +78,21 @@ def without_strays(track: Track, places: Array) -> Track:
 
 def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places: Array) -> Track:
     """Return the track without centres whose residuals differ from their neighbours'."""
-    known = block.known
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * scipy.spatial.KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(MAX_LOOKS):
-        left = fits.fit_amplitudes(replace(block, known=known), rates).residual
-        left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
+        left = fits.fit_amplitudes(block, rates).residual
+        left = np.where(block.known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = find_strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
         with np.errstate(invalid="ignore"):  # nearer to where the next one is than to its own place
             wrong |= (off > halfway) & (off > MIN_WORST_RATIO * np.nanmax(off))
         if not wrong.any():
             break
-        known = known & ~np.repeat(wrong[:, None], 2, axis=1).reshape(known.shape)
-    kept = known.reshape(track.uv.shape).all(axis=1, keepdims=True)
+        known = block.known & ~np.repeat(wrong[:, None], 2, axis=1).reshape(block.known.shape)
+        block = replace(block, known=known, values=np.where(known, block.values, 0.0))
+    kept = block.known.reshape(track.uv.shape).all(axis=1, keepdims=True)
     return replace(track, uv=np.where(kept, track.uv, np.nan))
 
 
