@@ -89,7 +89,7 @@ def one_frame(rig: CameraArray, points: Array, study: DesignLaw) -> Array:
         simulation.measure_deflections(rig, points, shifts, estimator=rule) for rule in _RULES
     ]
     error = np.stack(measured) - points[2, 1:, None]
-    return np.asarray(np.sqrt(np.mean(error**2, axis=(1, 2))))
+    return np.asarray(np.sqrt(np.mean(error**2, axis=(1, 3))))  # modes and markers share a grid
 
 
 def spread_factors(n: int) -> Array:
