@@ -6,6 +6,7 @@ from hypothesis import given, strategies as st
 from scenes.small import REQUESTS, small_cube
 from scipy.stats import qmc
 
+from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law import shares as design_shares, sweeps as design_sweeps
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.cubes import read_published
@@ -319,6 +320,15 @@ def test_standard_error_of_an_rms_is_its_scatter(conforms):
     rms, std = simulation.rms_with_std(rare)
     conforms.sampled(np.sqrt(np.mean(std**2)) / np.std(rms), 1, atol=0.08)
     assert np.isnan(simulation.rms_with_std([[2.0]])[1])
+
+
+def test_standard_error_of_a_frame_is_the_scatter_of_other_trials(conforms, study):
+    points = design_sweeps.mode_shapes(setups.thesis_beam(), study.amplitude_mm / 1000)
+    rig = study.settings()[0].cameras(study.focal_length_mm, study.sensor_width_mm)
+    draws = (study.model_copy(update={"seed": seed, "trials": 20}) for seed in range(60))
+    errors = [design_shares.one_frame(rig, points, draw)[0] for draw in draws]
+    rms, std = np.array([simulation.rms_with_std(one) for one in errors]).T
+    conforms.sampled(np.sqrt(np.mean(std**2)) / np.std(rms), 1, atol=0.25)
 
 
 def test_the_tracker_follows_markers_from_that_height_on():

@@ -7,6 +7,7 @@ import json
 import pkgutil
 import re
 from collections import defaultdict
+from dataclasses import fields
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -22,6 +23,7 @@ from conftest import PROJECT
 from thesis_lib import figure_sets, measure
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
+from thesis_lib.ledger.entries import LEDGER_COLUMNS, Entry
 from thesis_lib.planning import planner as plan_cube
 from thesis_lib.plotting.panels import case_captions
 from thesis_lib.plotting.style import figure_svg
@@ -232,6 +234,7 @@ def test_declared_variables_are_understood_alone():
     assert len(declared()) > 300
     said = {n: {"units": v.units, "long_name": v.long_name} for n, v in declared().items()}
     assert faults(said) == []
+    assert list(LEDGER_COLUMNS) == [field.name for field in fields(Entry)]
 
 
 SMALL = [*REQUESTS, *OF_LEDGER, "claims-layouts"]
@@ -280,17 +283,11 @@ def test_file_opens_without_options_and_holds_the_cube(tmp_path, name):
 
 @pytest.mark.book
 @pytest.mark.parametrize("name", STUDIES)
-def test_cubes_of_the_book_have_units_and_long_names(name):
+def test_cubes_of_the_book_have_units_and_long_names_and_markers_on_the_structure(name):
     cube = cube_file.read_built(STUDIES[name]())
     assert not isinstance(cube, str), cube
     assert faults(attributes_of(cube)) == []
-
-
-@pytest.mark.book
-@pytest.mark.parametrize("name", STUDIES)
-def test_markers_of_the_book_are_on_the_structure_that_is_drawn(name):
-    cube = cube_file.read_built(STUDIES[name]())
-    if {"x", "y", "outline"} <= set(cube.coords):
+    if {"x", "y", "outline"} <= set(cube.coords):  # markers are on the structure that is drawn
         for axis, size in zip("xy", schema.structure_extent(cube), strict=True):
             assert 0 < cube[axis].min() <= cube[axis].max() < size
 

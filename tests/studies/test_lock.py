@@ -11,8 +11,7 @@ OTHER = {"numpy": "0.1"}
 def test_packages_other_than_the_locks_are_reported(monkeypatch):
     assert storage.differing_packages() == []
     monkeypatch.setattr(storage, "package_versions", lambda: OTHER)
-    (line,) = storage.differing_packages()
-    assert line.startswith("numpy 0.1 is installed, the lock has ")
+    assert storage.differing_packages()[0].startswith("numpy 0.1 is installed, the lock has ")
 
 
 def test_what_results_rest_on_is_installed_for_the_book():
@@ -23,11 +22,10 @@ def test_what_results_rest_on_is_installed_for_the_book():
 
 def test_what_other_packages_computed_is_not_trusted(monkeypatch):
     """Neither a figure set's cube nor a step of a measurement."""
-    product = FIGURE_SETS["beam-distance"]
 
     def trusted():
         cube_file.code_digest.cache_clear()
-        return cube_file.code_digest(product), storage.key_of([1])
+        return cube_file.code_digest(FIGURE_SETS["beam-distance"]), storage.key_of([1])
 
     before = trusted()
     assert trusted() == before
