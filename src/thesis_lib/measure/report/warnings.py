@@ -22,12 +22,6 @@ MAX_FRAME_FRACTION = 0.1
 MAX_BLUR = 0.15  # share by which a peak is estimated to be lower, up to which that is reliable
 
 
-def _note_above(code: str, **values: float | str) -> Iterator[Note]:
-    """Yield a note with its values if the size of the first one is above the note's limit."""
-    if abs(float(next(iter(values.values())))) > NOTE_LIMITS[code]:
-        yield make_note(code, **values)
-
-
 def check_shape(data: xr.Dataset) -> list[Note]:
     """Return the notes on the shape of one frequency."""
     return [*_check_frequency(data), *_check_cameras(data), *_check_fit(data)]
@@ -72,7 +66,7 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
             yield make_note("file-rate", name=name, rate=rate, given=given)
         if (uneven := float(one["uneven"])) > NOTE_LIMITS["uneven-frames"] / rate:
             yield make_note("uneven-frames", name=name, uneven_ms=1e3 * uneven)
-        yield from _note_above("markers-lost", lost=float(one["missing"].mean()), name=name)
+        yield from _check_lost(name, float(one["missing"].mean()))
         if jump := float(one["jump"]):
             yield make_note("camera-jumped", name=name, jump=jump, time=float(one["jump_time"]))
         if float(one["corrected"]):
@@ -87,7 +81,8 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
                 way="later" if late > 0 else "earlier",
                 frames=_describe_whole_frames(1e-3 * late * rate),
             )
-        yield from _note_above("rest-misfit", misfit=float(one["rest_misfit"]), name=name)
+        if (misfit := float(one["rest_misfit"])) > NOTE_LIMITS["rest-misfit"]:
+            yield make_note("rest-misfit", name=name, misfit=misfit)
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
         yield make_note("calibration-untold")
     yield from check_board(data)
@@ -101,6 +96,11 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
 def _check_repeats(data: xr.Dataset) -> Iterator[Note]:
     for line in data.attrs.get("repeats", "").splitlines():
         yield make_note("repeated-frames", line=line)
+
+
+def _check_lost(name: str, lost: float) -> Iterator[Note]:
+    if lost > NOTE_LIMITS["markers-lost"]:
+        yield make_note("markers-lost", name=name, lost=lost)
 
 
 def _check_clock(name: str, first: str, late: float, pace: float) -> Iterator[Note]:
@@ -152,16 +152,20 @@ def _check_fit(data: xr.Dataset) -> Iterator[Note]:
         )
     if unknown := int(np.isnan(data["deflection"].values).sum()):
         yield make_note("unseen-markers", count=unknown)
-    yield from _note_above("in-plane", excess=float(data["in_plane_excess"]))
-    yield from _note_above("growth", growth=float(data["growth"]))
+    if (excess := float(data["in_plane_excess"])) > NOTE_LIMITS["in-plane"]:
+        yield make_note("in-plane", excess=excess)
+    if abs(growth := float(data["growth"])) > NOTE_LIMITS["growth"]:
+        yield make_note("growth", growth=growth)
     if int(data["ambiguous"]):
         yield make_note("whole-periods")
     off = known_rms(data["quadrature"].values) / known_rms(data["deflection"].values)
-    yield from _note_above("quadrature", off=off)
+    if off > NOTE_LIMITS["quadrature"]:
+        yield make_note("quadrature", off=off)
     change: Array = data["without_camera"].values - data["deflection"].values
     with np.errstate(invalid="ignore", divide="ignore"):
         spread = known_rms(change / data["without_deviation"].values)
-    yield from _note_above("cameras-contradict", spread=spread)
+    if spread > NOTE_LIMITS["cameras-contradict"]:
+        yield make_note("cameras-contradict", spread=spread)
 
 
 def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
@@ -176,8 +180,9 @@ def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         own, other = float(one["out_of_step"]), float(one["rival_out_of_step"])
         if other < 3 * own:
             yield make_note("mode-alias", hertz=f, rival=float(one["rival"]), own=own, other=other)
-        near = {"ratio": float(one["beside"]), "resolution": 1 / seconds, "seconds": seconds}
-        yield from _note_above("left-near-mode", **near, hertz=f)
+        if (ratio := float(one["beside"])) > NOTE_LIMITS["left-near-mode"]:
+            film = {"resolution": 1 / seconds, "seconds": seconds}
+            yield make_note("left-near-mode", hertz=f, ratio=ratio, **film)
         error, zeta = float(one["damping_deviation"]), float(one["damping"])
         if zeta and error > NOTE_LIMITS["damping-unsure"] * abs(zeta):
             yield make_note("damping-unsure", hertz=f, share=error / abs(zeta))
@@ -186,8 +191,9 @@ def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         yield make_note("shapes-alike", first=hertz[i], second=hertz[j], mac=mac[i, j])
     first = str(data["camera"].values[0])
     for k, name in enumerate(map(str, data["camera"].values)):
-        yield from _note_above("markers-lost", lost=float(data["missing"][k].mean()), name=name)
-        yield from _note_above("markers-strayed", strays=float(data["left_out"][k]), name=name)
+        yield from _check_lost(name, float(data["missing"][k].mean()))
+        if (strays := float(data["left_out"][k])) > NOTE_LIMITS["markers-strayed"]:
+            yield make_note("markers-strayed", name=name, strays=strays)
         yield from _check_clock(name, first, float(data["lag"][k]), float(data["pace"][k]))
 
 
@@ -235,18 +241,21 @@ def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     usual = float(np.nanmedian(data["coherence"].values[drive]))
     if usual < NOTE_LIMITS["incoherent"]:
         yield make_note("incoherent", marker=drive + 1, coherence=usual)
-    yield from _note_above("deflections-lost", share=float(data["unknown"].mean()))
+    if (share := float(data["unknown"].mean())) > NOTE_LIMITS["deflections-lost"]:
+        yield make_note("deflections-lost", share=share)
     first = str(data["camera"].values[0])
     for one in iterate_slices(data, "camera"):
         late, pace = float(one["camera_lag"]), float(one["camera_pace"])
         yield from _check_clock(str(one["camera"].values), first, late, pace)
     degrees = np.degrees(float(data["phase_deviation"].values[-1]))
-    std = 1e3 * float(data["delay_deviation"])
-    yield from _note_above("force-clock-unsure", degrees=degrees, std_ms=std, hertz=f[-1])
+    if degrees > NOTE_LIMITS["force-clock-unsure"]:
+        std = 1e3 * float(data["delay_deviation"])
+        yield make_note("force-clock-unsure", std_ms=std, degrees=degrees, hertz=f[-1])
     if abs(fast := float(data["pace"])) > NOTE_LIMITS["force-clock-drift"]:
         way = "fast" if fast > 0 else "slow"
         yield make_note("force-clock-drift", ppm=1e6 * abs(fast), way=way)
-    yield from _note_above("force-too-fast", share=float(data["beyond"]))
+    if (share := float(data["beyond"])) > NOTE_LIMITS["force-too-fast"]:
+        yield make_note("force-too-fast", share=share)
     if many == 1:
         yield from _check_ringing(data, manifest)
     else:
