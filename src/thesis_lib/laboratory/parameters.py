@@ -141,14 +141,15 @@ def check_motions(film: Any, structure: Structure, name: str, rates: Sequence[fl
     longest = 1000 * min(1 / max(rates), MAX_EXPOSURE_PERIODS / max(hertz.values()))
     if film.exposure_ms > longest * (1 + 1e-9):
         limits = f"the time between frames and {MAX_EXPOSURE_PERIODS:g} of the shortest period"
-        allowed = f"allowed: at most {longest:.4g} ms, {limits}"
+        allowed = f"allowed: at most {fields.format_limit(longest)} ms, {limits}"
         fields.refuse_value("exposure_ms", film.exposure_ms, allowed)
 
 
 def check_exposure(film: Any, frame_rate_hz: float) -> None:
     """Refuse an exposure that lasts longer than from one frame to the next."""
     if film.exposure_ms > 1000 / frame_rate_hz:
-        allowed = f"allowed: at most the time between frames, {1000 / frame_rate_hz:.4g} ms"
+        longest = fields.format_limit(1000 / frame_rate_hz)
+        allowed = f"allowed: at most the time between frames, {longest} ms"
         film.refuse("exposure_ms", allowed)
 
 
@@ -194,20 +195,26 @@ def check_markers(
     setting: setups.Setting,
     name: str,
     given: Any,
+    twist: float = 0.0,
 ) -> None:
-    """Refuse markers too small to be found, and motions that bring them near their neighbours."""
+    """Refuse markers too small to be found, and motions that bring them near their neighbours.
+
+    The largest deflection `lift`, and that by a `twist` besides, are in m.
+    """
     slope = math.radians(min(elevation for _, elevation in setting.directions_deg))
     focal = film.focal_length_mm / film.sensor_width_mm * setting.resolution_px[0]
     high = 1000 * diameter * focal / setting.distance_mm * math.sin(slope)
     if high < MIN_MARKER_HEIGHT_PX:
         enough = f"markers are at least {MIN_MARKER_HEIGHT_PX:g} px high, not {high:.2g} px"
-        remedy = "wider or nearer ones, or fewer and larger markers"
+        remedy = "wider or nearer ones" + ", or fewer and larger markers" * hasattr(film, "grid")
         fields.refuse_value(name, given, f"allowed: images in which {enough}: {remedy}")
     largest = MAX_APPARENT_SHIFT * spacing * math.tan(slope)
-    if lift > largest:
+    if lift + twist > largest:
+        field, other = ("torsion_mm", lift) if twist > lift else ("amplitude_mm", twist)
+        most = fields.format_limit(1000 * max(largest - other, 0))
         seen = f"as seen from an elevation of {math.degrees(slope):.3g}°"
-        why = f"peaks of at most {1000 * largest:.3g} mm {seen}, or markers seem to change places"
-        fields.refuse_value("amplitude_mm", film.amplitude_mm, f"allowed: {why}")
+        why = f"peaks of at most {most} mm {seen}, or markers seem to change places"
+        film.refuse(field, f"allowed: {why}")
 
 
 class RigRequest(fields.Fields):

@@ -10,6 +10,7 @@ import ast
 import difflib
 import inspect
 import json
+import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
@@ -68,6 +69,20 @@ def refuse_value(field: str, given: Any, why: str) -> None:
     """Refuse a value in one line, from inside a validator."""
     message = f"{field}: given {format_given(given)}, {why}"
     raise PydanticCustomError("refused", "{message}", {"message": message})
+
+
+def format_limit(limit: float, upper: bool = True, digits: int = 4) -> str:
+    """Return a limit, 0 or above, to some digits, rounded to the side that is allowed.
+
+    Examples
+    --------
+    >>> format_limit(16.6667), format_limit(16.66), format_limit(3.33333, upper=False)
+    ('16.66', '16.66', '3.334')
+    """
+    step = 10.0 ** (math.floor(math.log10(limit or 1)) - digits + 1)
+    steps = limit / step
+    whole = math.floor(steps + 1e-9 * steps) if upper else math.ceil(steps - 1e-9 * steps)
+    return f"{whole * step:.{digits}g}"
 
 
 def suggest_name(name: str, names: Iterable[str]) -> str:
