@@ -46,9 +46,13 @@ def split_cases(cube: xr.Dataset, mode: int | None = None) -> dict[str, xr.Datas
 
 
 def best_and_worst(part: xr.Dataset) -> list[int]:
-    """Return the indices of the settings with the least and the largest typical mean error."""
+    """Return the indices of the settings with the least and the largest typical mean error.
+
+    Settings without a result are neither, unless none has one.
+    """
     name = "mean_error" if "mean_error" in part else "deflection_error"
-    order = np.argsort(cubes.typical_error(part[name]), kind="stable")
+    error = cubes.typical_error(part[name])
+    order = np.argsort(error, kind="stable")[: np.isfinite(error).sum() or None]
     return [int(order[0])] if len(order) == 1 else [int(order[0]), int(order[-1])]
 
 

@@ -132,7 +132,7 @@ def typical_error(values: xr.DataArray) -> Array:
 def trials_are(cube: xr.Dataset) -> str:
     """Return what the trials of a cube are, as tables and legends say it."""
     draws = str(cube.attrs.get("draws", ""))
-    return draws if draws.endswith("recordings") else "trials"
+    return draws if draws.endswith(("recording", "recordings")) else "trials"
 
 
 def percent_text(value: float) -> str:

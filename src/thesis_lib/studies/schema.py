@@ -136,11 +136,12 @@ DESCRIBING_COORDINATES = read_variables(__file__, "descriptions")
 def extreme_settings(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
     """Return settings with the lowest and highest typical error, by case and mode."""
     error = cubes.typical_error(plate_cube["mean_error"])
+    low, high = (np.where(np.isnan(error), beyond, error) for beyond in (np.inf, -np.inf))
     result: dict[str, list[tuple[int, int]]] = {}
     for case in dict.fromkeys(plate_cube["case"].values.tolist()):
         rows = np.flatnonzero(plate_cube["case"].values == case)
         result[case] = [
-            (int(rows[np.argmin(error[rows, m])]), int(rows[np.argmax(error[rows, m])]))
+            (int(rows[np.argmin(low[rows, m])]), int(rows[np.argmax(high[rows, m])]))
             for m in range(error.shape[1])
         ]
     return result
@@ -193,7 +194,9 @@ def study_coordinates(
     }
     coords = label_values(values, SETTING_COORDINATES)
     unit = fields.unit_of_field(study.varied)
-    coords["value"][2]["units"] = {"mm": "mm", "°": "degree"}.get(unit, "1")
+    coords["value"][2]["units"] = {"mm": "mm", "°": "degree", "Hz": "Hz"}.get(unit, "1")
+    if len(set(values["parameter"])) > 1:
+        coords["value"][2]["long_name"] += ", in the unit that the variable parameter names"
     return coords
 
 

@@ -313,7 +313,7 @@ def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
     """Return the optimum of every case, and the settings in which tracking fails."""
     optima = []
     for case, every_setting in selection.split_cases(cube).items():
-        part = select_complete(every_setting)
+        part = select_complete(every_setting).sortby("value")
         values, errors = part["value"].values, part["mean_error"].transpose("trial", "setting")
         best = find_optimum(values, predict_errors(part))
         drawn = [find_optimum(values, own) for own in errors.values[1:]]
