@@ -30,7 +30,7 @@ REFUSED = [  # a row of each kind
     (LAYOUT, {"directions_deg": NINE_PLACES}, ["2 to 8"]),
     (LAYOUT, {"elevation_deg": 60}, ["see the whole structure", "azimuth"]),
     ("lab-modes", {"frame_rates_hz": [79.1]}, ["frame_rates_hz: given 79.1", "mode 2", "Hz"]),
-    ("lab-modes", {"exposure_ms": 8, "frame_rates_hz": [60]}, ["exposure_ms", "7.226 ms"]),
+    ("lab-modes", {"exposure_ms": 8, "frame_rates_hz": [60]}, ["exposure_ms", "7.225 ms"]),
     ("lab-modes", {"amplitude_mm": 2}, ["amplitude_mm: given 2", "change places"]),
     ("lab-modes", {"amplitude_mm": [1]}, ["amplitude_mm: given [1.0]", "one for each mode"]),
     ("lab-modes", {"width_px": 320}, ["width_px: given 320", "1 px high"]),
