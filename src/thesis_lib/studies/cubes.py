@@ -195,7 +195,7 @@ def read_published(name: str) -> pd.DataFrame | None:
 
 
 # How far rounded files and machines go, of the largest value, by bytes.
-MAX_EQUAL_DIFFERENCES = {4: 2.5e-4, 8: 1e-9}
+MAX_EQUAL_DIFFERENCES = {4: 2.5e-4, 8: 1.5e-7}
 MAX_LISTED_NAMES = 12  # names in a list
 
 

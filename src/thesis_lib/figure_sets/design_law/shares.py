@@ -230,7 +230,7 @@ CROWD_DISTANCE_M = 0.75  # m
 RIG_NOISES_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
 NOISY_CAMERAS = 12
 WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, where a tolerance is looked for
-NOISY_LAYOUTS = 10  # layouts there
+NOISY_LAYOUTS, NOISY_LAYOUT_CAMERAS = 150, 640  # at most there: layouts, and cameras in all of them
 COMPARED_ESTIMATORS = ("least-squares", "analytic-centre")
 UNEQUAL_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
 SHARP_SIZE_PX, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
@@ -255,12 +255,10 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
     clean = {n: errors((CROWD_DISTANCE_M,) * n) for n in EQUIDISTANT_COUNTS}
     crowd = (CROWD_DISTANCE_M,) * NOISY_CAMERAS
     noisy = [errors(crowd, noise_px=n) if n else clean[NOISY_CAMERAS] for n in RIG_NOISES_PX]
-    few = min(NOISY_LAYOUTS, layouts)
-    compared = [simulation.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
+    few = min(NOISY_LAYOUTS, study.trials)
     return {
         "tolerated_noise": [
-            noise_tolerance(n, few, study.seed, one[:few].take(compared, axis=1))
-            for n, one in clean.items()
+            noise_tolerance(n, min(few, NOISY_LAYOUT_CAMERAS // n), study.seed) for n in clean
         ],
         **_name_errors("equidistant_rig_error", clean.values()),
         **_name_errors("noise_error", noisy),
@@ -273,20 +271,20 @@ def _name_errors(name: str, drawn: Iterable[Array]) -> dict[str, ArrayLike]:
     return with_std(name, zip(*map(simulation.rms_with_std, drawn), strict=True))
 
 
-def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = None) -> float:
+def noise_tolerance(n_cameras: int, layouts: int, seed: int) -> float:
     """Return the noise in px before the rounding that leaves the analytic centre half of its gain.
 
-    The gain is how much less than that of least squares its error is, relative to it. Errors
-    (layouts, 2) without noise are drawn unless they are given.
+    The gain is how much less than that of least squares its error is, relative to it. NaN without
+    one, as few layouts may have it.
     """
     stand, gains = (CROWD_DISTANCE_M,) * n_cameras, []
     how: Any = {"seed": seed, "rules": COMPARED_ESTIMATORS}
     for noise in WITH_NOISE:
-        errors = clean
-        if noise or errors is None:
-            errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
+        errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
         least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
+        if gains[0] < _MIN_GAIN:
+            return float("nan")
         if gains[-1] < gains[0] / 2:
             noises = WITH_NOISE[len(gains) - 2 : len(gains)]
             return float(np.interp(-gains[0] / 2, -np.array(gains[-2:]), noises))
