@@ -17,7 +17,12 @@ from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following, homography
 from thesis_lib.measure.tracking.follow import Follower
-from thesis_lib.measure.tracking.tracker import Tracker, assign_places, sharpen_view
+from thesis_lib.measure.tracking.tracker import (
+    Tracker,
+    assign_places,
+    fill_missing,
+    sharpen_view,
+)
 from thesis_lib.measure.tracking.tracks import record_track
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import pinhole
@@ -206,6 +211,18 @@ def test_what_was_hidden_is_followed_again(conforms):
     after = error[[*range(12, 16), *range(20, len(frames))]]
     assert np.mean(np.isnan(after)) < 0.03
     conforms.closed_form(np.nanmax(after), below=0.08)
+
+
+@pytest.mark.parametrize("rows", [rows_on(replace(BEAM, n_markers=2)), rows_on(BEAM, 1, hole=None)])
+def test_few_markers_and_those_on_a_line_move_as_they_are_seen(rows):
+    """Where no surface can be laid through them, a missing one stays, and no other."""
+    grid = rows.positions
+    last, exact = np.full_like(grid, 0.001), np.stack([0 * grid[0], 0.002 + 0.1 * grid[0]])
+    seen = exact.copy()
+    seen[:, 1] = np.nan
+    found = fill_missing(seen, grid, last)
+    np.testing.assert_array_equal(np.delete(found, 1, 1), np.delete(exact, 1, 1))
+    np.testing.assert_array_equal(found[:, 1], last[:, 1])
 
 
 def test_without_room_for_tables_each_frame_is_searched(rest, monkeypatch):

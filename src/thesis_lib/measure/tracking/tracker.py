@@ -201,21 +201,21 @@ class Tracker:
 def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
     """Fill in displacements of missing markers from a smooth surface through the others.
 
-    Thin-plate splines through the nearest markers; as they were in the frame before, if few are
-    seen or those on a line.
+    Thin-plate splines through the nearest markers; where few are seen or those on a line, missing
+    ones stay as they were in the frame before.
     """
     known = np.isfinite(seen[0])
     if known.all():
         return seen
     if np.count_nonzero(known) < 8:
-        return last
+        return np.where(known, seen, last)
     try:
         smooth = scipy.interpolate.RBFInterpolator(
             grid[:, known].T, seen[:, known].T, neighbors=12, smoothing=1e-9
         )
         surface = smooth(grid[:, ~known].T).T
     except np.linalg.LinAlgError:
-        return last
+        return np.where(known, seen, last)
     filled = seen.copy()
     filled[:, ~known] = surface
     return filled
