@@ -229,11 +229,13 @@ def _check_camera(
     focal, stop = camera.focal_length_mm or np.nan, camera.f_number or np.nan
     blur_px = limits["motion-blur"] * np.float64(row.across_px)
     sharper = row.defocus_px / limits["depth-of-field"]
+    # From half a period on an exposure sees the whole swing, and blurs no more.
+    blurring_s = np.fmin(camera.exposure_s, 1 / (np.pi * f))
     checks: list[tuple[str, str, Any, float]] = [  # code, field, if wrong, what would do
         ("long-exposure", "exposure_s", f * camera.exposure_s > limits["long-exposure"],
          limits["long-exposure"] / f),
         ("motion-blur", "exposure_s", row.blur_px > blur_px,
-         camera.exposure_s * blur_px / row.blur_px),
+         blurring_s * blur_px / row.blur_px),
         ("too-near", "distance_mm", distance <= limits["too-near"] * focal, np.nan),
         ("depth-of-field", "f_number", sharper > 1, stop * sharper),
         ("coarse", "distance_mm", row.along_px < limits["coarse"],
