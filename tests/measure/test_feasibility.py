@@ -292,6 +292,15 @@ def test_markers_that_too_few_cameras_see_are_named():
         ("motion-blur", "cameras__2__exposure_s", r"so ([\d.]+) s", {}),
         ("motion-blur", "cameras__2__exposure_s", r"so ([\d.]+) s",  # longer than half a period
          {"excitation__frequency_hz": 25.0, "excitation__amplitude_mm": 1.2}),
+        ("long-exposure", "cameras__2__exposure_s", r"allowed: ([\d.]+)",
+         {"excitation__frequency_hz": 18.0, "cameras__2__exposure_s": 0.016}),
+        ("small-motion", "cameras__0__distance_mm", r"from ([\d.]+) mm, with",
+         {"cameras__0__distance_mm": 2500.0, "excitation__amplitude_mm": 0.4}),
+        ("below-noise", "excitation__amplitude_mm", r"allowed: ([\d.]+)", {}),
+        ("few-rest-frames", "excitation__rest_duration_s", r"allowed: ([\d.]+)",
+         {"cameras__0__frame_rate_hz": 23.976}),
+        ("near-nyquist", "cameras__0__frame_rate_hz", r"allowed: ([\d.]+)",
+         {"excitation__frequency_hz": 82.9 / 3}),
     ],
 )  # fmt: skip
 def test_what_a_warning_allows_is_allowed(code, field, said, others):
@@ -299,6 +308,17 @@ def test_what_a_warning_allows_is_allowed(code, field, said, others):
     first, *_ = (one for one in assessed(values).warnings if one.code == code)
     mended = assessed(change(values, **{field: float(re.search(said, first.text)[1])})).warnings
     assert not [one for one in mended if (one.code, one.where) == (code, first.where)]
+
+
+@pytest.mark.parametrize(("begin", "rate"), [(2.0, 25.0), (0.5, 100.0), (7.3, 23.976)])
+def test_as_long_an_interval_as_is_allowed_is_long_enough(begin, rate):
+    def said(seconds):
+        values = rig(excitation={"steady_interval_s": [begin, round(begin + seconds, 6)]})
+        values["cameras"][0]["frame_rate_hz"] = rate
+        return [one.text for one in assessed(values).warnings if one.code == "few-frames"]
+
+    (text,) = said(5 / rate)
+    assert not said(float(re.search(r"allowed: ([\d.]+)", text)[1]))
 
 
 def test_a_folded_mode_is_named_by_its_frequency():

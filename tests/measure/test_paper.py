@@ -125,6 +125,7 @@ def test_a_stand_tells_where_each_camera_is(tmp_path):
     ("options", "words"),
     [
         (["board", "x.pdf", "--tile-mm", "45"], ["--tile-mm", "at most 30.33", "or --paper A2"]),
+        (["board", "x.pdf", "--tile-mm", "45", "--paper", "letter"], ["at most 31.31 "]),
         (["board", "x.png"], ["x.png", "allowed: one that ends in .pdf"]),
         (["board", "x.pdf", "--charuco", "--two-sided"], ["--two-sided", "with --charuco"]),
         (["markers", "x.pdf", "--diameter-mm", "30"], ["--diameter-mm", "30", "below 25"]),

@@ -20,6 +20,7 @@ from thesis_lib.files import check_file, whole_file
 from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.plotting.style import cycle_color, drawable_names
+from thesis_lib.studies.fields import format_limit
 from thesis_lib.text import RefusedError
 
 ISO_SIDES_MM = (210.0, 297.0, 420.0, 594.0, 841.0, 1189.0)  # mm, of A4 to A0
@@ -135,7 +136,7 @@ def write_board(
             f", or --paper {name}" for name, most in largest_mm.items() if tile_mm <= most + 1e-9
         )
         raise RefusedError(
-            f"--tile-mm: given {tile_mm:g}, allowed: at most {largest_mm[paper]:.4g} for "
+            f"--tile-mm: given {tile_mm:g}, allowed: at most {format_limit(largest_mm[paper])} for "
             f"{columns} × {rows} tiles on {paper}{next(fits, '')}"
         )
     margin = min(wide - columns * tile_mm, high - rows * tile_mm) / 2

@@ -162,7 +162,8 @@ class PlanRequest(Study):
         if not enough:
             highest = int(np.argmax(body.frequencies))
             mode = f"mode {body.modes[highest]} has {body.frequencies[highest]:.4g} Hz"
-            allowed = f"one of {needed:.4g} Hz or more, since {mode}"
+            least = fields.format_limit(needed, upper=False)
+            allowed = f"one of {least} Hz or more, since {mode}"
             fields.refuse_value("frame_rates_hz", self.frame_rates_hz, f"allowed: {allowed}")
         return min(enough)
 

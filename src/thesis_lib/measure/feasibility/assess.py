@@ -19,6 +19,7 @@ from thesis_lib.measure.feasibility.prediction import CameraPrediction, Predicte
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS, format_message
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
+from thesis_lib.studies.fields import format_limit
 from thesis_lib.templates import join_words, render
 from thesis_lib.text import format_share
 from thesis_lib.vibration.motion import fold_frequency
@@ -162,6 +163,15 @@ def _warn(code: str, where: str, variant: str = "", /, **values: object) -> Warn
     return Warning(code, where, format_message(messages.ALL_MESSAGES[code], variant, **values))
 
 
+def _format_most(value: float, upper: bool = True, digits: int = 3) -> str:
+    """Return the most, or the least, that is allowed, rounded to the side that is."""
+    return format_limit(value, upper, digits) if np.isfinite(value) else f"{value:g}"
+
+
+def _format_least(value: float, digits: int = 3) -> str:
+    return _format_most(value, upper=False, digits=digits)
+
+
 def _check_times(manifest: Manifest) -> Iterator[Warning]:
     """Check rest and steady-state intervals, for the slowest camera."""
     rate, limits = min(c.rate_hz for c in manifest.cameras), CHECK_LIMITS
@@ -170,17 +180,19 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
     if rest < limits["short-rest"]:
         yield _warn("short-rest", where, rest=rest)
     if (frames := rest * rate) < (least := limits["few-rest-frames"]):
-        seconds = least / rate
+        seconds = _format_least(least / rate)
         yield _warn("few-rest-frames", where, rest=rest, frames=frames, rate=rate, seconds=seconds)
     if not given:
         return
     where, steady = "excitation.steady_interval_s", prediction.steady_seconds(manifest)
-    if (frames := steady * rate) < (least := limits["few-frames"]):
-        seconds = least / rate
+    rounding = 1e-9  # by which frames and periods may come out too few
+    if (frames := steady * rate) < (least := limits["few-frames"]) - rounding:
+        seconds = _format_least(least / rate)
         yield _warn("few-frames", where, steady=steady, frames=frames, rate=rate, seconds=seconds)
     f = np.float64(manifest.excitation.frequency_hz or np.nan)
-    if (periods := steady * f) < (least := limits["few-periods"]):
-        yield _warn("few-periods", where, steady=steady, periods=periods, seconds=least / f)
+    if (periods := steady * f) < (least := limits["few-periods"]) - rounding:
+        seconds = _format_least(least / f)
+        yield _warn("few-periods", where, steady=steady, periods=periods, seconds=seconds)
     if rest - given[0] > limits["steady-at-rest"]:
         yield _warn("steady-at-rest", where, begin=given[0], rest=rest)
 
@@ -194,18 +206,22 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
     given = f"the frame rate is {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz"
     if f >= CHECK_LIMITS["undersampled"] * rate:
         if not manifest.excitation.undersampled:
-            yield _warn("undersampled", where, given=given, seen=seen, least=2 * f)
+            yield _warn(
+                "undersampled", where, given=given, seen=seen, least=_format_least(2 * f, 6)
+            )
         else:
             off = CHECK_LIMITS["alias"] / steady
             known: dict[str, object] = {"steady": steady, "off": off, "share": off / f}
             yield _warn("alias", where, given=given, seen=seen, **known)
             edge, least = min(seen, rate / 2 - seen), CHECK_LIMITS["alias-edge"] / steady
             if edge < least:
-                yield _warn("alias-edge", where, given=given, edge=edge, least=least)
+                yield _warn("alias-edge", where, given=given, edge=edge, least=_format_least(least))
     elif f > CHECK_LIMITS["near-nyquist"] * rate:
-        yield _warn("near-nyquist", where, given=given, least=f / CHECK_LIMITS["near-nyquist"])
+        least_hz = _format_least(f / CHECK_LIMITS["near-nyquist"], 6)
+        yield _warn("near-nyquist", where, given=given, least=least_hz)
     elif rate < CHECK_LIMITS["few-samples"] * f:
-        yield _warn("few-samples", where, given=given, least=CHECK_LIMITS["few-samples"] * f)
+        least_hz = _format_least(CHECK_LIMITS["few-samples"] * f, 6)
+        yield _warn("few-samples", where, given=given, least=least_hz)
     model = model_of(manifest.structure)
     if model is None:
         return
@@ -215,7 +231,11 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
         rings = float(fold_frequency(own, rate))
         near = abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
         if own >= rate / 2 and (k == 0 or near):
-            mode: dict[str, object] = {"own": own, "rings": rings, "least": 2 * own}
+            mode: dict[str, object] = {
+                "own": own,
+                "rings": rings,
+                "least": _format_least(2 * own, 4),
+            }
             yield _warn("higher-modes", where, rate=rate, seen=seen, **mode)
             return
 
@@ -252,8 +272,9 @@ def _check_camera(
     ]  # fmt: skip
     for code, field, wrong, allowed in checks:
         if wrong:
-            place, more = f"{where}.{field}", {"allowed": allowed, "blur_px": blur_px}
-            yield _warn(code, place, camera=camera, row=row, **more)
+            bound = _format_most(allowed, upper=field != "f_number")
+            known = {"camera": camera, "row": row, "allowed": bound, "blur_px": blur_px}
+            yield _warn(code, f"{where}.{field}", **known)
     if camera.corners_px is None and not np.isnan(row.in_view) and not corners.all():
         count = 4 - np.count_nonzero(corners)
         yield _warn("out-of-view", f"{where}.corners_px", "corners", count=count)
@@ -280,7 +301,7 @@ def _check_rig(
         yield _warn("weak-markers", "cameras", weak=weak, count=len(errors), ratio=ratio)
     amplitude = manifest.excitation.amplitude_mm or np.nan
     if amplitude < rig.smallest_mm < np.inf:
-        known = {"least": rig.smallest_mm, "steady": rig.steady_interval_s}
+        known = {"least": _format_least(rig.smallest_mm, 2), "steady": rig.steady_interval_s}
         yield _warn("below-noise", "excitation.amplitude_mm", amplitude=amplitude, **known)
 
 
@@ -373,6 +394,7 @@ def describe_verdict(assessment: Assessment) -> list[str]:
         verdict=assessment.verdict,
         limit=MAX_SHAPE_ERROR,
         share=format_error_share,
+        least=_format_least,
         warnings=len(_group_warnings(assessment)),
     )
     return textwrap.wrap(" ".join(lines), TEXT_COLUMNS)

@@ -13,7 +13,7 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_parts import Excitation
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo
-from thesis_lib.studies.fields import format_given
+from thesis_lib.studies.fields import format_given, format_limit
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
 RATE_TOLERANCE = 0.1  # relative, from which on a rate is mistaken; below, the file is right
@@ -75,17 +75,19 @@ def check_excitation(manifest: Manifest) -> list[str]:
             half = camera.rate_hz / 2
             multiple = max(1, round(frequency / half)) * half
             if abs(frequency - multiple) < STANDS_STILL * half:
+                off = format_limit(STANDS_STILL * half, upper=False)
                 lines.append(
-                    f"{given}: at least {STANDS_STILL * half:.4g} Hz from {multiple:.6g} Hz, a "
-                    f"multiple of half the frame rate of cameras[{i}]"
+                    f"{given}: at least {off} Hz from {multiple:.6g} Hz, a multiple of half the "
+                    f"frame rate of cameras[{i}]"
                 )
                 break
     elif frequency is not None and frequency >= slowest / 2:
         lines.append(f"{given}: below half of the frame rate, {slowest / 2:g} Hz")
     if rest * slowest < 3 - 1e-9 and (rest or manifest.excitation.sound != "none"):
+        least = format_limit(3 / slowest, upper=False)
         lines.append(
-            f"excitation.rest_duration_s: given {rest:.6g}, allowed: at least {3 / slowest:.4g} s, "
-            "three frames"
+            f"excitation.rest_duration_s: given {rest:.6g}, allowed: at least {least} s, three "
+            "frames"
         )
     return lines
 
