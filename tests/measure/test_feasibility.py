@@ -131,6 +131,20 @@ def test_movement_from_frame_to_frame_is_that_along_the_plane(conforms):
     conforms.independent(assessed(rig()).table[0].move_spacings, seen, rtol=1e-3)
 
 
+def test_a_hole_beside_a_marker_leaves_as_little_room_as_a_marker_would(conforms):
+    x, y = 1000 * BEAM.marker_points[:, 30]
+    places = [(x, y), (x + 40, y), (x + 40, y - 10), (x, y - 10)]
+
+    def row(*more, hole=None):
+        markers = {"points_mm": [*places, *more], "hole_mm": hole}
+        return assessed(rig(structure={"markers": markers})).table[0]
+
+    beside = x + 6.5, y
+    holed, marked, alone = row(hole=beside), row(beside), row()
+    conforms.invariance(holed.gap_px, marked.gap_px, rtol=1e-9)
+    conforms.closed_form(holed.move_spacings, alone.move_spacings * 10 / 6.5, rtol=1e-9)
+
+
 def test_markers_in_view_are_counted_as_they_swing(conforms):
     def share(amplitude):
         # The camera above sees ±187.5 mm of x and more than the width.

@@ -17,8 +17,9 @@ from thesis_lib.files import whole_text
 from thesis_lib.measure.fitting.reconstruction import group_visible
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings import template
-from thesis_lib.measure.recordings.board import on_surface
+from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, validate_manifest
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision import optics, pinhole, rounding, triangulation
 
@@ -51,7 +52,7 @@ class CameraPrediction:
     farthest_mm: float
     defocus_px: float
     in_view: float  #: Share of the markers that stay in the image
-    gap_px: float  #: Least distance between the edges of two markers' images, px
+    gap_px: float  #: Least distance between the edges of two images of markers and hole, px
     motion_px: float  #: Most that an image moves from rest, A ∂(u, v)/∂Z, px
     #: Most that a marker moves from frame to frame, 2A |sin(πf/r)|, as it seems along the plane at
     #: rest, by the cotangent of the line of sight, over the least spacing
@@ -79,8 +80,8 @@ class PredictedView:
     """Markers as the cameras see them, as far as the manifest gives their places; cameras first.
 
     Values of OPTICS; matrices; directions; world points (3, n); depths (cameras, 3, n) at −A, 0
-    and A; images at rest; whether markers stay in the image, and corners at rest; Jacobian
-    (cameras, 2, 3, n) in px/m; what deflection seems to move on the plane at rest, over deflection.
+    and A; whether markers stay in the image, and corners at rest; Jacobian (cameras, 2, 3, n) in
+    px/m; what deflection seems to move on the plane at rest, over deflection.
     """
 
     optics: Array
@@ -88,7 +89,6 @@ class PredictedView:
     directions: Array
     points: Array
     depths: Array
-    uv: Array
     seen: Mask
     corners: Mask
     J: Array
@@ -116,32 +116,35 @@ def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
     swing = np.repeat(X[:, None], 3, axis=1)
     swing[2] += amplitude * np.array([[-1.0], [0.0], [1.0]])
 
-    def images(points: Array) -> tuple[Array, Array, Mask]:
+    def images(points: Array) -> tuple[Array, Mask]:
         uv, flat = pinhole.project(P, points), points.reshape(3, -1)
         depth = (P[:, 2, :3] @ flat + P[:, 2, 3:]).reshape(len(P), *points.shape[1:])
         on = [pinhole.on_sensor(own[None], c.size)[0] for own, c in zip(uv, cameras, strict=True)]
-        return depth, uv, (depth > 0) & np.array(on)
+        return depth, (depth > 0) & np.array(on)
 
-    depths, uv, seen = images(swing)
+    depths, seen = images(swing)
     slide = np.hypot(*(X[:2, None] - centres.T[:2, :, None])) / centres[:, 2:]
     ahead = depths[:, 1] > 0
     J = np.where(ahead[:, None, None], triangulation.image_jacobian(P, X), np.nan)
-    rest, stay = np.where(ahead[:, None], uv[:, :, 1], np.nan), np.asarray(seen.all(axis=1))
-    inside, slide = images(corners)[2], np.where(ahead, slide, np.nan)
-    return PredictedView(optics, P, directions, X, depths, rest, stay, inside, J, slide)
+    stay, inside = np.asarray(seen.all(axis=1)), images(corners)[1]
+    slide = np.where(ahead, slide, np.nan)
+    return PredictedView(optics, P, directions, X, depths, stay, inside, J, slide)
 
 
-def _least_gap(uv: Array, J: Array, diameter: float) -> float:
-    """Return the least distance in px between the edges of two markers' images, of centres (2, n).
+def _least_gap(P: Array, markers: Markers) -> float:
+    """Return the least distance in px between the edges of two images, of markers and hole.
 
-    Convex sets are apart by the most that their projections on any direction n are; those of discs
-    with the Jacobian J = ∂(u, v)/∂(X, Y), shape (2, 2, n), reach D/2 |Jᵀn| from their centres.
+    Their centres are projected by P. Convex sets are apart by the most that their projections on
+    any direction n are; those of discs with the Jacobian J = ∂(u, v)/∂(X, Y), shape (2, 2, n),
+    reach D/2 |Jᵀn| from their centres.
     """
-    if uv.shape[1] < 2 or not np.isfinite(uv).all():
+    X = markers.world
+    uv, J = pinhole.project(P[None], X)[0], triangulation.image_jacobian(P[None], X)[0, :, :2]
+    if uv.shape[1] < 2 or not np.isfinite(uv).all() or np.any(P[2, :3] @ X + P[2, 3] <= 0):
         return np.nan
     angles = np.arange(90) * np.pi / 90
     normals = np.stack([np.cos(angles), np.sin(angles)])
-    wide = diameter * np.linalg.norm(np.tensordot(normals, J, (0, 0)), axis=1).T
+    wide = markers.diameter * np.linalg.norm(np.tensordot(normals, J, (0, 0)), axis=1).T
     near = scipy.spatial.cKDTree(uv.T).query(uv.T, k=min(9, uv.shape[1]))[1][:, 1:]
     apart = np.abs(np.tensordot(uv[:, near] - uv[:, :, None], normals, (0, 0)))
     return float((apart - wide[:, None]).max(axis=2).min())
@@ -151,7 +154,8 @@ def predict_camera(
     manifest: Manifest, view: PredictedView, i: int, amplitude: float
 ) -> CameraPrediction:
     """Return the predicted performance of camera i, for an amplitude in m."""
-    camera, markers = manifest.cameras[i], manifest.structure.markers
+    camera, markers = manifest.cameras[i], markers_of(manifest)
+    diameter_mm = manifest.structure.markers.diameter_mm
     f, exposure = manifest.excitation.frequency_hz or np.nan, camera.exposure_s
     focal, sensor, distance, _, elevation = view.optics[i]
     pitch, stop = sensor / camera.width_px, float(camera.f_number or np.nan)
@@ -161,16 +165,14 @@ def predict_camera(
     swept = min(2 * np.pi * f * exposure, 2.0) * amplitude
     step = 2 * amplitude * abs(np.sin(np.pi * f / camera.rate_hz))
     lift = np.fmax.reduce(np.linalg.norm(view.J[i, :, 2], axis=0))
-    places = manifest.structure.marker_points
     widest = CHECK_LIMITS["depth-of-field"] * pitch  # circle of confusion that is sharp, mm
     near, far = map(float, optics.depth_of_field(focal, stop, distance, widest))
-    nearest, _ = scipy.spatial.cKDTree(places.T).query(places.T, k=2)
-    spacing = nearest[:, 1].min()  # infinite for one marker
+    spacing = markers.nearest.min()  # infinite for one marker
     return CameraPrediction(
         camera.name,
         sample,
-        markers.diameter_mm / sample,
-        markers.diameter_mm / sample * np.sin(np.radians(elevation)),
+        diameter_mm / sample,
+        diameter_mm / sample * np.sin(np.radians(elevation)),
         swept * lift,
         1 - np.sinc(f * exposure),
         near,
@@ -179,7 +181,7 @@ def predict_camera(
         ends[1],
         circle if ends[0] > 0 and distance > focal else np.nan,
         view.seen[i].mean() if view.located[i] else np.nan,
-        _least_gap(view.uv[i], view.J[i, :, :2], markers.diameter_mm / 1000),
+        _least_gap(view.P[i], markers),
         amplitude * lift,
         step * np.fmax.reduce(view.slide[i]) / spacing,
     )
