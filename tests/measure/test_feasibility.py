@@ -294,6 +294,8 @@ def test_markers_that_too_few_cameras_see_are_named():
     (lost,) = [one for one in assessed(narrow).warnings if one.code == "lost-markers"]
     share = assessed(narrow).table[0].in_view
     assert lost.text.startswith(f"{75 - round(75 * share)} of 75 ")
+    out = next(one for one in assessed(narrow).warnings if one.code == "out-of-view")
+    assert out.text.startswith(f"{round(75 * share)} of 75 markers stay")
     three = rig([(0, 60), (5.5 / np.cos(np.radians(60)), 60), (180, 60)])
     assert "weak-markers" not in codes(three)
     assert "weak-markers" in codes(change(three, cameras__2__sensor_width_mm=20.0))

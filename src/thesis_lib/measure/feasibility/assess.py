@@ -248,6 +248,7 @@ def _check_camera(
     distance, elevation = camera.distance_mm or np.nan, camera.elevation_deg or np.nan
     focal, stop = camera.focal_length_mm or np.nan, camera.f_number or np.nan
     blur_px = limits["motion-blur"] * np.float64(row.across_px)
+    count = manifest.structure.marker_points.shape[1]
     sharper = row.defocus_px / limits["depth-of-field"]
     # From half a period on an exposure sees the whole swing, and blurs no more.
     blurring_s = np.fmin(camera.exposure_s, 1 / (np.pi * f))
@@ -274,10 +275,11 @@ def _check_camera(
         if wrong:
             bound = _format_most(allowed, upper=field != "f_number")
             known = {"camera": camera, "row": row, "allowed": bound, "blur_px": blur_px}
+            known |= {"count": count, "stay": round(count * np.nan_to_num(row.in_view))}
             yield _warn(code, f"{where}.{field}", **known)
     if camera.corners_px is None and not np.isnan(row.in_view) and not corners.all():
-        count = 4 - np.count_nonzero(corners)
-        yield _warn("out-of-view", f"{where}.corners_px", "corners", count=count)
+        cut = 4 - np.count_nonzero(corners)
+        yield _warn("out-of-view", f"{where}.corners_px", "corners", count=cut)
 
 
 def _check_rig(
@@ -353,7 +355,7 @@ def describe_assessment(assessment: Assessment) -> list[str]:
             _format_known(one.lost, ".1%"),
             _format_pair(one.near_mm, one.far_mm),
             _format_pair(one.nearest_mm, one.farthest_mm),
-            _format_known(one.in_view, ".0%"),
+            _format_known(np.floor(100 * one.in_view + 1e-9) / 100, ".0%"),  # 100% is all of them
             _format_known(one.move_spacings),
         ]
         for one in assessment.table
