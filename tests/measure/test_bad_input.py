@@ -136,6 +136,9 @@ CASES = {
     "another frame rate": (given("cameras.1.frame_rate_hz", 50), WRONG,
                            ["60 frames per second, allowed: 50", "cameras[1].frame_rate_hz"]),
     "shorter than the rest": (video(count=24), WRONG, ["more than rest_duration_s, 0.5 s"]),
+    "shorter, played slowly": (
+        both(given("cameras.1.captured_hz", 240), given("excitation.sound", "none")), WRONG,
+        ["0.375 s of images, allowed: more than rest_duration_s, 0.5 s"]),
     # Sound.
     "no sound": (coded(silent=True), WRONG, ["no audio track", "excitation.sound: none"]),
     "silence": (video(sound=np.zeros(72000)), WRONG, ["B.mkv: silent audio", "allowed: at least"]),

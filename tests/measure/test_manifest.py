@@ -85,7 +85,8 @@ def test_the_default_structure_is_the_thesis_s_beam():
 SILLY = [  # place, value, words of the refusal
     ("cameras.0.width_px", 64.5, ["cameras[0].width_px: given 64.5", "whole number"]),
     ("cameras.0.frame_rate_hz", float("nan"), ["cameras[0].frame_rate_hz", "allowed"]),
-    ("cameras.0.exposure_s", 0.02, ["cameras[0].exposure_s: given 0.02", "in s"]),
+    ("cameras.0.exposure_s", 0.02, ["cameras[0].exposure_s: given 0.02", "/ frame_rate_hz, in s"]),
+    ("cameras.0.captured_hz", 1000, ["cameras[0].exposure_s: given", "1 / captured_hz, in s"]),
     ("cameras.0.video", ..., ["cameras[0].video: missing", "inside the manifest's folder"]),
     ("cameras.1.video", "../x.mkv", ['cameras[1].video: given "../x.mkv", allowed: a path']),
     ("cameras.1.video", "/etc/passwd", ['cameras[1].video: given "/etc/passwd"', "inside"]),

@@ -85,10 +85,11 @@ class CameraFiles(Fields):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        rate = "frame_rate_hz" if self.captured_hz is None else "captured_hz"
         if self.exposure_s * self.rate_hz > 1 + 1e-9:
-            self.refuse("exposure_s", "allowed: at most 1 / frame_rate_hz, in s")
+            self.refuse("exposure_s", f"allowed: at most 1 / {rate}, in s")
         if abs(self.readout_s) * self.rate_hz > 1 + 1e-9:
-            self.refuse("readout_s", "allowed: from -1 / frame_rate_hz to 1 / frame_rate_hz, in s")
+            self.refuse("readout_s", f"allowed: from -1 / {rate} to 1 / {rate}, in s")
         if isinstance(self.board_images, tuple) and not 3 <= len(self.board_images) <= 200:
             self.refuse("board_images", "allowed: 3 to 200 files, with null where there is none")
         if self.corners_px is not None:

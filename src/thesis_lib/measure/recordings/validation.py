@@ -192,8 +192,11 @@ def _check_video(camera: CameraFiles, info: VideoInfo, excitation: Excitation) -
         )
     if info.duration is None:
         return
-    if info.duration <= rest:
-        yield f"{info.duration:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
+    took = info.duration  # of slow motion less than it plays for
+    if camera.captured_hz is not None:
+        took *= info.frame_rate / camera.captured_hz
+    if took <= rest:
+        yield f"{took:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
     if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > MAX_END_GAP_S:
         yield (
             f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
