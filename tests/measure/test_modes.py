@@ -14,7 +14,7 @@ from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes,
 from thesis_lib.measure.modes.poles import block_of
 from thesis_lib.measure.modes.shapes import without_outliers
 from thesis_lib.measure.pipeline import Recorded, measure_modes
-from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation
+from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation, Sought
 from thesis_lib.measure.report.warnings import check_modes
 from thesis_lib.studies.cubes import complex_of
 from thesis_lib.vibration.motion import Component, fold_frequency
@@ -292,6 +292,24 @@ def measured(folder, told):
 def by_unknown(tmp_path_factory):
     """By a calibration whose errors are unknown."""
     return measured(tmp_path_factory.mktemp("unknown"), told=False)
+
+
+@pytest.mark.slow
+def test_motion_beside_modes_has_the_corrected_starts(conforms, tmp_path):
+    """The sound says of the second camera that it starts 8 ms later than it does."""
+    truth = beam_modes((0.01,), (2e-3,))
+    recordings, manifest = recorded(tmp_path, RIG, truth, rates=(60.0, 50.0, 59.94, 60.0))
+    recordings[1] = replace(recordings[1], delay=recordings[1].delay + 0.008)
+    asked = {"modes": Sought(to_hz=12.0, count=1)}
+    driven = manifest.excitation.model_copy(update=asked)
+    sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
+    inputs = Recorded(sound, calibration_of(recordings), recordings)
+    one = manifest.model_copy(update={"excitation": driven})
+    measure_modes(one, inputs, tmp_path / "out", lambda line: None)
+    moved = xr.load_dataset(tmp_path / "out" / "motion.nc").sel(time=slice(0.7, 3.0), axis="z")
+    off = moved["displacement"] - 1e3 * truth.at((moved["time"].values - 0.5)[:, None])
+    ratio = np.sqrt(np.mean(off**2)) / moved["standard_error"].mean()
+    conforms.sampled(float(ratio), 1.0, atol=0.2)
 
 
 @pytest.mark.slow

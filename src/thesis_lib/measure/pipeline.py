@@ -252,7 +252,11 @@ def measure_modes(
             steady=("end", [_NEVER_S, _NEVER_S + 1]),
             frequency=highest,
         )
-        found = history.time_histories(plain, recordings, manifest.excitation.rest_duration_s)
+        fixed = recordings
+        if data["lag"].any() or data["pace"].any():  # else times would differ by rounding
+            clocks = data.assign(steady=data["window"], corrected=data["pace"] != 0)
+            fixed = frequency.in_step(clocks, recordings)
+        found = history.time_histories(plain, fixed, manifest.excitation.rest_duration_s)
         moved = schema.with_origin(found, data.attrs["source"])
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
