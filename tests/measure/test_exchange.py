@@ -126,6 +126,20 @@ def test_standard_errors_of_the_motion_are_its_scatter(conforms, tmp_path):
     conforms.sampled(float(moved["residual"].mean()), 0.07, atol=0.03)
 
 
+def test_no_motion_is_interpolated_across_frames_that_a_camera_dropped(conforms, tmp_path):
+    """More than half a second of it, in which the structure swings up."""
+    tracks = recordings(tmp_path)
+    stamps = np.arange(len(tracks[1].centres)) / tracks[1].rate
+    there = (stamps < 0.9) | (stamps > 1.5)
+    np.save(tmp_path / "1.npy", tracks[1].centres[there])
+    tracks[1] = replace(tracks[1], stamps=stamps[there])
+    moved = time_histories(fitted(tracks), tracks, REST).sel(time=slice(0.95, 1.45))
+    assert (moved["cameras_seen"] == 2).all()
+    true = 1e3 * SHAPE * height(moved["time"].values)[:, None]
+    off = np.abs(moved["displacement"].sel(axis="z").values - true)
+    conforms.closed_form(off.max(), below=3 * (1 - np.sinc(FREQUENCY * EXPOSURE)) + 4e-3)
+
+
 def test_motion_faster_than_the_frames_is_told_where_it_is_fitted_only(conforms, tmp_path):
     tracks = recordings(tmp_path, frequency=26.3)
     moved = time_histories(fitted(tracks, 26.3), tracks, REST)

@@ -24,6 +24,7 @@ from thesis_lib.vision.pinhole import project, projection_matrices
 from thesis_lib.vision.triangulation import triangulation_gain
 
 INTERPOLATION_FRAMES = 6  # frames that an interpolation rests on
+MAX_GAP_FRAMES = 2.5  # frames; nothing is interpolated by frames further apart than this
 # Of the frame rate; faster motion cannot be interpolated, only fitted
 MAX_INTERPOLATED_RATIO = 0.25
 STEADY_FLAG, UNSTEADY_FLAG, LOST_FLAG, FAST_FLAG = range(4)
@@ -149,7 +150,8 @@ def _at(
 def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
     """Interpolate (n, 2, markers) taken at s (n,) + late (markers,) at times (m,).
 
-    NaN where a frame that counts is missing, or there are not frames enough around.
+    NaN where a frame that counts is missing or comes after a gap, or there are not frames enough
+    around.
     """
     if len(s) < INTERPOLATION_FRAMES:
         return np.full((len(times),) + values.shape[1:], np.nan)
@@ -171,6 +173,8 @@ def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
         taken = np.moveaxis(values[k, :, markers], 2, 1)  # (m, 2, markers)
         result += np.where(w[:, None] == 0, 0.0, w[:, None] * taken)
     outside = (at < s[0] - 1e-6) | (at > s[-1] + 1e-6)
+    apart = np.diff(nodes, axis=0).max(axis=0) > MAX_GAP_FRAMES * np.median(np.diff(s))
+    outside |= apart & (np.count_nonzero(weights, axis=0) > 1)  # a frame's own time is known
     result[np.broadcast_to(outside[:, None], result.shape)] = np.nan
     return result
 
