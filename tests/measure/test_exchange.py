@@ -140,6 +140,18 @@ def test_no_motion_is_interpolated_across_frames_that_a_camera_dropped(conforms,
     conforms.closed_form(off.max(), below=3 * (1 - np.sinc(FREQUENCY * EXPOSURE)) + 4e-3)
 
 
+def test_a_marker_that_is_hidden_at_rest_moves_by_all_cameras(conforms, tmp_path):
+    tracks = recordings(tmp_path)
+    for own in tracks[1:]:
+        uv = np.load(own.path)
+        uv[own.times < REST + 0.1, :, -1] = np.nan
+        np.save(own.path, uv)
+    moved = time_histories(fitted(tracks), tracks, REST).sel(time=slice(BEGIN, 2.4), marker=75)
+    assert (moved["cameras_seen"] == 3).all()
+    off = moved["displacement"].sel(axis="z") - 1e3 * SHAPE[-1] * height(moved["time"].values)
+    conforms.closed_form(np.abs(off).max(), below=4e-3)
+
+
 def test_motion_faster_than_the_frames_is_told_where_it_is_fitted_only(conforms, tmp_path):
     tracks = recordings(tmp_path, frequency=26.3)
     moved = time_histories(fitted(tracks, 26.3), tracks, REST)

@@ -61,21 +61,24 @@ def time_histories(
     spans = [own.times[[0, -1]] for own in recordings]
     begin, end = max(first for first, _ in spans), min(last for _, last in spans)
     static = np.array([at_rest(own, rest_duration_s) for own in recordings])
-    off = static - project(P, rest)  # what cameras disagree by at rest, at all times
+    placed = project(P, rest)
+    # What cameras disagree by at rest, at all times; nothing of a marker that was hidden then
+    off = np.where(np.isfinite(static), static, placed) - placed
     parts = []
     for times, _ in recordings[0].parts(begin, end):
         first, last = data["steady"].values
         steady = (times >= first - 1e-9) & (times <= last + 1e-9)
         pairs = zip(recordings, P, strict=True)
         uv = np.array([_at(own, matrix, data, rest, times, steady) for own, matrix in pairs])
-        points, seen = triangulate_seen(P, uv - off[:, :, None])
+        agreed = uv - off[:, :, None]
+        points, seen = triangulate_seen(P, agreed)
         away = np.square(project(P, points) - uv).mean(axis=1)  # (cameras, times, markers)
         counts = np.isfinite(away).sum(axis=2)
         residual = np.sqrt(np.nansum(away, axis=2) / np.where(counts, counts, np.nan))
         moved = np.tensordot(R, points - rest[:, None], axes=1)
         values = {
             "displacement": 1e3 * moved.astype(np.float32),
-            "standard_error": 1e3 * _errors(P, R, rest, sigma, uv).astype(np.float32),
+            "standard_error": 1e3 * _errors(P, R, rest, sigma, agreed).astype(np.float32),
             "flag": np.where(
                 seen < 2, LOST_FLAG, np.where(steady[:, None], STEADY_FLAG, UNSTEADY_FLAG)
             ).astype(np.int8),
