@@ -205,6 +205,26 @@ def test_universal_files(conforms, measured):
         conforms.closed_form(1e3 * one["data"], whole, rtol=1e-4, atol=1e-7)
 
 
+@pytest.mark.parametrize("unseen", [[], [4, 9]])
+def test_nodes_that_were_not_seen_and_the_forces_are_at_their_places(conforms, tmp_path, unseen):
+    x, y = (part.ravel() for part in np.meshgrid(0.05 + 0.1 * np.arange(5), [0.01, 0.02]))
+    true, place = np.stack([x - 0.25, y - 0.015, 0 * x]), np.array([0.06, 0.015])
+    rest, curve = true.copy(), np.ones((1, 10, 8))
+    rest[:, unseen] = curve[:, unseen] = np.nan
+    along = "estimator", "marker", "frequency"
+    data = xr.Dataset({
+        "frequency": ("frequency", 1.0 + np.arange(8)), "coherence": (along[1:], curve[0]),
+        "receptance_real": (along, curve), "receptance_imag": (along, curve),
+        "force_place": ("side", place), "x": ("marker", x), "y": ("marker", y),
+        "rest_position": (("axis", "marker"), rest),
+    })  # fmt: skip
+    files.write_response(tmp_path / "response.uff", data)
+    sets = pyuff.UFF(str(tmp_path / "response.uff")).read_sets()
+    (nodes,) = (one for one in sets if one["type"] == 15)
+    found = [nodes[side] for side in "xyz"]
+    conforms.closed_form(found, np.c_[true, [-0.19, 0.0, 0.0]], atol=1e-6)
+
+
 def test_paraview(conforms, measured):
     folder, data, _ = measured
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values

@@ -272,9 +272,8 @@ def write_response(path: Path, data: xr.Dataset) -> None:
                 )
             )  # fmt: skip
     place, markers = data["force_place"].values, np.stack([data["x"].values, data["y"].values])
-    shift = np.nanmean(data["rest_position"].values[:2], axis=1) - markers.mean(axis=1)
     x, y = np.c_[markers, place]  # the force's point is the last node
-    places = np.c_[data["rest_position"].values, [*(place + shift), 0.0]]
+    places = np.c_[data["rest_position"].values, np.full(3, np.nan)]
     nodes = {"x": ("node", x), "y": ("node", y), "rest_position": (("axis", "node"), places)}
     _write_sets(path, name, xr.Dataset(nodes, attrs=data.attrs), sets)
 
@@ -284,9 +283,15 @@ def _title_of(data: xr.Dataset) -> str:
 
 
 def _write_sets(path: Path, name: str, data: xr.Dataset, results: Iterable[dict[str, Any]]) -> None:
-    """Write a new file: header, units, nodes in ``data`` and the lines between, then results."""
-    places = data["rest_position"].values
-    x, y, z = np.where(np.isfinite(places), places, 0.0)
+    """Write a new file: header, units, nodes in ``data`` and the lines between, then results.
+
+    Nodes that were not seen at rest are where the plan has them, beside the others.
+    """
+    places, flat = data["rest_position"].values, np.stack([data["x"].values, data["y"].values])
+    seen = np.isfinite(places).all(axis=0)
+    shift = np.mean(places[:2, seen] - flat[:, seen], axis=1)  # of the origin, to the centre
+    nominal = np.r_[flat + shift[:, None], np.zeros((1, len(seen)))]
+    x, y, z = np.where(seen, places, nominal)
     nodes = np.arange(1, len(x) + 1)
     when = datetime.fromisoformat(str(data.attrs.get("created", "1970-01-01T00:00:00")))
     date, time = f"{when:%d-%b-%y}", f"{when:%H:%M:%S}"
