@@ -353,6 +353,7 @@ def test_modes_go_to_a_report_and_files(by_unknown):
     assert float(data["mac"].max("candidate").min()) > 0.999
     sets = pyuff.UFF(str(out / "modes.uff")).read_sets()
     sets = [one for one in sets if one["type"] == 55]
+    assert {(one["data_ch"], one["n_data_per_node"]) for one in sets} == {(2, 3)}  # a vector each
     eigenvalues = np.array([one["eig"] for one in sets])
     np.testing.assert_allclose(np.abs(eigenvalues) / (2 * np.pi), data["frequency"], rtol=1e-5)
     np.testing.assert_allclose(-eigenvalues.real / np.abs(eigenvalues), data["damping"], rtol=1e-4)

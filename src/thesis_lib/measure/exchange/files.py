@@ -222,7 +222,7 @@ def write_uff(path: Path, data: xr.Dataset) -> None:
                                 "freq": frequency}  # fmt: skip
         if zeta:
             eigenvalue = 2 * np.pi * frequency * complex(-zeta, np.sqrt(1 - zeta**2))
-            kind = {"analysis_type": 3, "data_ch": 3, "mode_n": k, "eig": eigenvalue,
+            kind = {"analysis_type": 3, "data_ch": 2, "mode_n": k, "eig": eigenvalue,
                     "modal_a": 1 + 0j, "modal_b": 1 + 0j}  # fmt: skip
         known = np.isfinite(shape)
         along = shape[known]
