@@ -205,7 +205,7 @@ def test_hostile_calibrations_are_refused_in_one_line_at_once(tmp_path, name, te
 
 
 def test_errors_go_with_their_cameras(tmp_path):
-    """Two of the four, in another order."""
+    """Two of the four, in another order; and none where those of the lenses are unknown."""
     whole = [replace(one, name=name) for one, name in zip(CAMERAS, "ABCD", strict=True)]
     draw = np.random.default_rng(0).standard_normal((56, 80))
     known = describe_reused(whole, draw @ draw.T)
@@ -220,6 +220,9 @@ def test_errors_go_with_their_cameras(tmp_path):
     poses, lenses = np.r_[12:18, 0:6], 24 + np.r_[16:24, 0:8]
     own = draw[np.r_[poses, lenses]]
     np.testing.assert_allclose(found.covariance, own @ own.T, rtol=1e-12)
+    untold = known.assign(focal_deviation=known["focal_deviation"] * np.nan)
+    storage.write_netcdf(to_keep(untold), tmp_path / "calibration.nc")
+    assert reuse_calibration(manifest, tmp_path).covariance is None
 
 
 # How exact lenses that were calibrated before leave the cameras' places.

@@ -88,7 +88,9 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     if files[0].suffix.lower() == ".nc":
         try:
             data = storage.open_netcdf(files[0])
-            return Found(cameras_in(data), True, covariance_of(data))
+            # Of lenses whose errors were unknown the covariance has zeros
+            told = np.isfinite(data["focal_deviation"].values).all()
+            return Found(cameras_in(data), True, covariance_of(data) if told else None)
         except (cubes.CubeError, KeyError):
             raise ManifestError(
                 f"{files[0]}: no calibration, allowed: one that was measured"
