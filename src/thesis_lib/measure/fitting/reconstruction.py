@@ -174,7 +174,7 @@ def height_deviation(P: Array, frame: Frame, points: Array, sigma: Array, axis: 
 
 
 def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
-    """Return the rms distance in px of markers at rest (cameras, 2, markers) from the fit."""
+    """Return the rms residual in px of a coordinate of markers at rest (cameras, 2, markers)."""
     P = projection_matrices(cameras)
     points, _ = triangulate_seen(P, rest)
     return np.asarray(np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2))), float)

@@ -175,7 +175,7 @@ def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
 
 @in_style()
 def draw_residuals(seen: xr.Dataset) -> Figure:
-    """Draw the rms distance of each camera's centres from the fit to all, frame by frame."""
+    """Draw the rms residual of a coordinate of each camera's centres, frame by frame."""
     figure, axes = style.subplots(figsize=(WIDTH_IN, 2.8))
     for k, name in enumerate(style.drawable_names(seen["camera"].values, "camera")):
         axes.plot(seen["time"], seen["residual"][k], color=cycle_color(k), label=name)
