@@ -19,11 +19,13 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange import files
+from thesis_lib.measure.exchange.cameras import describe_reused
 from thesis_lib.measure.exchange.history import time_histories
 from thesis_lib.measure.fitting.result import shape_result
+from thesis_lib.measure.pipeline import Recorded, measure_shape
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
-from thesis_lib.measure.report import animation
+from thesis_lib.measure.report import animation, figures
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision.pinhole import project_points
@@ -68,13 +70,19 @@ def recordings(folder, frequency=FREQUENCY, noise=0.0):
     return made
 
 
-def fitted(tracks, frequency=FREQUENCY):
+def asked(frequency=FREQUENCY):
+    """A manifest that gives the frequency, and what the sound tells."""
     given = manifest_of(RIG)
     changed = {"frequency_hz": frequency, "undersampled": frequency > 20, "rest_duration_s": REST}
     driven = given.excitation.model_copy(update=changed)
     unheard = {"of_sound": np.nan, "of_sound_deviation": np.nan, "force": ("part", [0.0, 0.0])}
     sound = xr.Dataset({"frequency": frequency, "steady": ("end", [BEGIN, END]), **unheard})
-    data = shape_result(given.model_copy(update={"excitation": driven}), sound, tracks)
+    return given.model_copy(update={"excitation": driven}), sound
+
+
+def fitted(tracks, frequency=FREQUENCY):
+    manifest, sound = asked(frequency)
+    data = shape_result(manifest, sound, tracks)
     return data.assign(steady=sound["steady"]).assign_attrs(title="a beam", source="a test")
 
 
@@ -273,6 +281,40 @@ def test_cameras_for_opencv_and_aniposelib_see_the_markers_where_ours_do(conform
         for given in (of_yaml, of_toml):
             seen = cv2.projectPoints(np.ascontiguousarray(points.T), *given)[0].reshape(-1, 2)
             conforms.closed_form(seen.T + 0.5, true, atol=1e-6)
+
+
+# The report on a shape.
+
+
+@pytest.fixture
+def reported(tmp_path, monkeypatch):
+    """Its page, and what its figures draw, where the sound puts a camera's start 8 ms too late."""
+    shown, tracks = [], recordings(tmp_path)
+    tracks[1] = replace(tracks[1], delay=tracks[1].delay + 0.008)
+    manifest, sound = asked()
+    first, *others = manifest.cameras
+    rolling = [one.model_copy(update={"readout_s": READOUT}) for one in others]
+    manifest = manifest.model_copy(update={"cameras": (first, *rolling)})
+    sound = sound.assign(delay=("camera", [own.delay for own in tracks]), ambiguous=0)
+    sound.attrs["synchronisation"] = "by a test"
+    reused = describe_reused([own.camera for own in tracks], None)
+    monkeypatch.setattr(media, "read_frames", lambda *_: iter([np.zeros((720, 1280), np.uint8)]))
+    for name in ("draw_tracks", "write_mp4", "write_shape"):
+        monkeypatch.setattr(animation, name, lambda *_: None)
+    collect = figures.collect_diagnostics
+    monkeypatch.setattr(
+        figures, "collect_diagnostics", lambda *of: shown.append(collect(*of)) or shown[0]
+    )
+    inputs = Recorded(sound, reused, tracks)
+    page = measure_shape(manifest, tmp_path, inputs, tmp_path / "out", lambda line: None).page
+    return page, shown[0]
+
+
+def test_figures_of_a_report_are_on_the_first_cameras_clock(conforms, reported):
+    """Each frame of the second camera is a whole number of its periods after its true start."""
+    _, seen = reported
+    count = (seen["track_time"][1].dropna("frame") - DELAYS[1]) * RATES[1]
+    conforms.closed_form(count, np.round(count), atol=0.01)
 
 
 # Neighbours.
