@@ -14,6 +14,7 @@ from scenes.modes import calibration_of, recorded, rig
 from scipy.signal import resample_poly
 from sdypy import EMA
 
+from thesis_lib.measure.exchange.cameras import read_cameras
 from thesis_lib.measure.modes.identify import modal_assurance
 from thesis_lib.measure.pipeline import Recorded, measure_motion
 from thesis_lib.measure.recordings.force_table import ForceError
@@ -380,6 +381,8 @@ def test_curves_go_to_a_report_and_files(driven, tmp_path):
     page = measure_motion(driven.asked(), driven.folder, of, tmp_path, said.append)
     assert page.page.count("<figure>") == 3
     assert said[2].startswith("receptance of 75 markers from 2")
+    names = [one.name for one in read_cameras(tmp_path).cameras]
+    assert names == [own.camera.name for own in driven.recordings]
     data = xr.open_dataset(tmp_path / "response.nc")
     sets = read_curves(tmp_path)
     curves = [one for one in sets if one["func_type"] == 4]

@@ -232,6 +232,7 @@ def measure_motion(
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, data)
         if alone:
+            storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
             report.write(part)
     return report if alone else report.join(measure_modes(manifest, inputs, out, say, report))
 
