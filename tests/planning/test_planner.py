@@ -450,6 +450,18 @@ def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words):
     assert not list(tmp_path.iterdir())
 
 
+def test_structures_of_one_name_have_folders_of_their_own(tmp_path, monkeypatch):
+    made = []
+    monkeypatch.setattr(report, "write_plan", lambda _, folder, *__: made.append(folder) or [])
+    monkeypatch.chdir(tmp_path)
+    for place, width in (("a", 0.1), ("b", 0.2), ("c", 0.1)):
+        (tmp_path / place).mkdir()
+        file = written(tmp_path / place, strip(y=("point", np.linspace(0, width, 9))))
+        assert thesis("plan", "--structure", file).status == 0
+    assert made[0] == made[2] != made[1]
+    assert all(folder.name.startswith("plan-strip-") for folder in made)
+
+
 @pytest.mark.nightly
 @pytest.mark.usefixtures("interrupts_ignored")
 def test_interrupted_command_leaves_nothing_half_written(checkout, start, tmp_path):
