@@ -245,6 +245,18 @@ def test_what_the_library_refuses_the_page_refuses_in_its_words(chromium, form):
         assert said(opened, CODE) == "thesis run beam-distance -p azimuth_deg=31.0"
 
 
+def test_a_refusal_ends_with_its_set(chromium, form):
+    with open_offline(chromium, form, query="set=beam-distance") as opened:
+        opened.page.get_by_label("distances_mm").fill("10")
+        assert "distances_mm: given 10" in said(opened, STATUS)
+        opened.page.get_by_label("azimuth_deg").fill("abc")
+        assert "azimuth_deg" in said(opened, STATUS)
+        opened.page.locator(".tl-rerun-head select").select_option("lab-modes")
+        assert said(opened, STATUS) == "As published, no parameter changed:"
+        assert said(opened, CODE) == "thesis run lab-modes"
+        assert not opened.page.locator(".tl-rerun-figure").is_visible()
+
+
 LEFT = [
     ("beam-distance", {"estimator": "interval"}, "the estimator interval"),
     ("plate-aperture", {"noise_px": 0.1}, "noise in the images"),

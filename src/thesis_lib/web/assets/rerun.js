@@ -195,7 +195,7 @@ function renderForm({ model, el }) {
     }
     const faults = run.sets.flatMap((one) => sets[one].checked.filter((n) => judged.get(n)?.problem)
       .map((n) => `thesis: ${one}: ${judged.get(n).problem}`));
-    if (faults.length) shownOf = "";
+    if (faults.length) shownOf = null; // what comes next differs from it, "" too
     const refused = faults[0] || compute(judged), { size } = given;
     output.hidden = sentence.hidden = Boolean(refused);
     if (refused) figure.setAttribute("data-stale", "");
