@@ -124,6 +124,20 @@ def test_the_band_is_that_of_the_library(conforms, chromium, path):
         assert f"({low:.1f}–{high:.1f} % over random pixel grids)" in status
 
 
+WIDE = "30,20;-50,40;110,35;-130,25"
+
+
+def test_markers_in_view_are_not_rounded_up(chromium, path):
+    with open_offline(chromium, path, query=f"s=plate&w=320&f=22&d=750&c={WIDE}") as opened:
+        share = with_physics(opened, "return explorer.app.result.inView;")
+        facts = opened.page.locator(".tl-ex-facts").inner_text().replace("\u00a0", " ")
+        status = opened.page.locator(".tl-ex-status").inner_text().replace("\u00a0", " ")
+    assert 0.995 < share < 1
+    seen = f"{np.floor(1000 * share) / 10:.1f} %"
+    assert f"markers in view {seen}" in facts
+    assert f"Only {seen} of marker images" in status
+
+
 # --- using it
 
 

@@ -2,8 +2,8 @@
 import { createShapes, createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
-  asked, button, clamp, copyButton, field, fill, followWidth, html, isNumber, keep, linkButton,
-  options, radios, select, show,
+  asked, button, clamp, copyButton, field, fill, fixed, followWidth, html, isNumber, keep,
+  linkButton, options, radios, select, show,
 } from "./parts.js";
 import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
@@ -267,14 +267,14 @@ function render({ model, el }) {
     const spread = few ? ""
       : ` (${show(bands[0][1])}–${show(bands[0][2])} % over random pixel grids)`;
     const words = `ean error ${percent(errors.mean)}${spread}; predicted ${percent(predicted)}`;
-    const seen = show(Math.floor(1000 * inView) / 10);
+    const seen = inView === 1 ? "100" : fixed(Math.floor(1000 * inView) / 10, 1);
     const cut = [`Only ${seen} % of marker images are in view: move back or shorten the lens. `,
       html("span", {}, `Sensors large enough for all would give: m${words}.`)];
     status.replaceChildren(
       ...(!isNumber(errors.mean) ? ["These cameras cannot tell where the markers are."]
         : inView === 1 ? [`M${words}; all markers in view.`] : cut));
     fill(status, { "aria-busy": means.length < TRIALS });
-    const counts = { "markers in view": `${show(100 * inView)} %`,
+    const counts = { "markers in view": `${seen} %`,
       "one pixel spans": `${show(1000 * groundSampleDistance)} mm`,
       "largest motion in an image": `${show(moved)} px` };
     facts.replaceChildren(...Object.entries(counts).flatMap(([name, value]) =>
