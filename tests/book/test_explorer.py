@@ -12,7 +12,7 @@ from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies import cubes
-from thesis_lib.vision.pinhole import pixelate
+from thesis_lib.vision.pinhole import pixelate, project
 from thesis_lib.web.html import read_asset
 
 DATA = explorer_data()
@@ -136,6 +136,15 @@ def test_markers_in_view_are_not_rounded_up(chromium, path):
     seen = f"{np.floor(1000 * share) / 10:.1f} %"
     assert f"markers in view {seen}" in facts
     assert f"Only {seen} of marker images" in status
+
+
+def test_the_largest_motion_is_that_in_u_and_v_together(chromium, path):
+    script = """const { P, rest, deflected, moved } = explorer.app.result;
+      return [moved, ...[P, rest, deflected].map(one => Array.from(one))];"""
+    with open_offline(chromium, path, query=f"s=plate&w=320&f=22&d=750&c={WIDE}") as opened:
+        moved, P, *points = with_physics(opened, script)
+    images = [project(np.reshape(P, (-1, 3, 4)), np.reshape(one, (-1, 3)).T) for one in points]
+    assert moved == pytest.approx(np.linalg.norm(images[1] - images[0], axis=1).max(), rel=1e-9)
 
 
 # --- using it

@@ -164,6 +164,15 @@ export function randomNumber(n) {
 export const shiftsOf = (draw, cameras, offset) => Float64Array.from({ length: 2 * cameras },
   (_, i) => randomNumber(draw * 2 * MOST_CAMERAS + i + 1) - 0.5 + offset);
 
+// The largest distance between two images of a marker in a camera, in px.
+function largestMotion(before, after, count) {
+  let most = 0;
+  for (let i = 0; i < before.length; i += 2 * count) // of each camera u, then v
+    for (let u = i, v = i + count; u < i + count; u += 1, v += 1)
+      most = Math.max(most, Math.hypot(after[u] - before[u], after[v] - before[v]));
+  return most;
+}
+
 // Measurements of some modes in the nominal run, their predicted errors, and draws one by one.
 // `shapes` are modes with peaks of deflection in m; `offset` is that of the principal point.
 export function simulateSetting(setting, structure, shapes) {
@@ -183,7 +192,7 @@ export function simulateSetting(setting, structure, shapes) {
       reference, deflected: points[m], measured: part(measured, m), variance, means: [], peaks: [],
       errors: percentErrors(part(measured, m), reference),
       inView: inView(images, size, cameras.length),
-      moved: images.reduce((most, value, i) => Math.max(most, Math.abs(value - before[i])), 0),
+      moved: largestMotion(before, images, count),
       predicted: 100 * Math.sqrt(mean) / Math.max(...reference.map(Math.abs)),
     };
   });
