@@ -16,9 +16,9 @@ from thesis_lib.vision.rounding import deflection_variance, difference_variance
 @pytest.fixture
 def show(chromium, tmp_path):
     @contextmanager
-    def opened(name, width=900):
+    def opened(name, width=900, query=""):
         file = write_page(tmp_path / f"{name}.html", explorer.write_experiment(name))
-        with open_offline(chromium, file, width) as page:
+        with open_offline(chromium, file, width, query=query) as page:
             yield page
             assert page.sideways_px() == 0
 
@@ -105,3 +105,11 @@ def test_a_beam_has_the_law_of_the_library(show):
         opened.page.wait_for_function(
             "() => document.querySelector('.tl-summary').innerText.includes('400 draws')"
         )
+
+
+def test_a_part_of_a_mode_or_camera_in_an_address_is_ignored(show):
+    query = "beam-mode=1.5&beam-cameras=6.5&beam-elevation=40&beam-amplitude=0.7"
+    with show("rounding_beam", query=query) as opened:
+        given = {"mode": 3, "cameras": 4, "elevation": 40, "amplitude": 0.7}
+        assert run(opened, "return demo.state") == given
+        assert np.all(np.isfinite(run(opened, "return Array.from(demo.scene().variance)")))

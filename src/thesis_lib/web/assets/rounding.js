@@ -46,9 +46,10 @@ function render({ model, el }) {
   const remember = () => // in the address
     keep(Object.fromEntries(rows.map(([, key, usual]) =>
       [`${name}-${key}`, state[key] === usual ? null : state[key]])));
-  for (const [, key, , range] of rows) { // what is unknown or makes no sense is ignored
-    const value = Number(asked(`${name}-${key}`) || NaN);
-    if (value === clamp(value, range)) set({ [key]: value });
+  for (const [, key, , range, step, digits] of rows) { // what makes no sense is ignored
+    const value = Number(asked(`${name}-${key}`) || NaN), steps = (value - range[0]) / step;
+    const isWhole = digits > 0 || Math.abs(steps - Math.round(steps)) < 1e-9; // as a mode must be
+    if (value === clamp(value, range) && isWhole) set({ [key]: value });
   }
   const handlers = { onchange: remember, onclick: remember, onpointerup: remember };
   const root = html("section", { class: "tl-viewer tl-demo", "aria-label": label, ...handlers },
