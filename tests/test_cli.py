@@ -128,6 +128,8 @@ def test_claims_as_json_has_every_claim_once():
         (["compare", ""], ["A.nc", "it is empty"]),
         (["run", ""], ['"": no such figure set']),
         (["new-set", ""], ['given ""', "small letters"]),
+        (["new-set", "./none"], ["./none is a word", "allowed: another name"]),
+        (["new-set", "./figure-set"], ["./figure-set is a word", "allowed: another name"]),
         (["measure"], ["given none", "one of MANIFEST.yaml"]),
         (["print", "board", "b.pdf", "--tile-mm", "nan"], ["--tile-mm", "nan is no number"]),
     ],

@@ -37,6 +37,17 @@ def test_a_new_set_is_refused_where_something_of_its_name_is(footprint):
     assert sorted(file.suffix for file in footprint.iterdir()) == [".ipynb", *[".py"] * 4, ".toml"]
 
 
+@pytest.mark.parametrize(
+    "title", ["Camera footprint at 1 m", 'A "Footprint of a pixel" in C:\\new']
+)
+def test_a_title_is_taken_as_it_is_given(tmp_path, title):
+    folder, notebook = write_set(str(tmp_path / "spot"), title)
+    made = {"__name__": "spot"}
+    exec((folder / "figure_set.py").read_text(encoding="utf-8"), made)
+    assert (made["Spot"].name, made["Spot"].title) == ("spot", title)
+    assert nbformat.read(notebook, as_version=4).cells[0].source.splitlines()[0] == f"# {title}"
+
+
 @pytest.mark.slow
 def test_a_cube_of_it_is_known_where_its_folder_is_named(footprint, tmp_path, monkeypatch):
     assert "focal_length_mm" in thesis("list", footprint).out

@@ -1,6 +1,7 @@
 """New figure sets from the template next to this file, and the parameter cells of notebooks."""
 
 import json
+import keyword
 import re
 from pathlib import Path
 from textwrap import shorten
@@ -61,6 +62,7 @@ def write_cell(notebook: Path, model: type[Study]) -> bool:
 
 TEMPLATE_FOLDER = Path(__file__).parent / "template"
 TEMPLATE_NAME, TEMPLATE_CLASS, TEMPLATE_TITLE = "footprint", "Footprint", "Footprint of a pixel"
+TEMPLATE_IMPORTS = ("FigureSet",)  # classes that its request may not hide
 CONTENTS_PART = '  - caption: "Beyond the thesis"'
 NAME_PATTERN = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
@@ -91,14 +93,20 @@ def write_set(name: str, title: str = "") -> list[Path]:
     if taken or folder.exists() or notebook.exists():
         raise RefusedError(f"new-set: {name} is there already, allowed: a new name")
     words = place.name.split("-")
+    class_name = "".join(map(str.capitalize, words))
+    if keyword.iskeyword(class_name) or class_name in TEMPLATE_IMPORTS:
+        raise RefusedError(f"new-set: {name} is a word of the program, allowed: another name")
+    quoted = json.dumps(title or " ".join(words).capitalize(), ensure_ascii=False)
     replaced = {
-        TEMPLATE_TITLE: title or " ".join(words).capitalize(),
-        TEMPLATE_CLASS: "".join(map(str.capitalize, words)),
+        TEMPLATE_TITLE: quoted[1:-1],  # it stands in strings of Python and JSON
+        TEMPLATE_CLASS: class_name,
         TEMPLATE_NAME: place.name,
     }
+    any_of = re.compile("|".join(replaced))  # in one pass: a title may hold the template's words
     texts = {file.name: file.read_text("utf-8") for file in sorted(TEMPLATE_FOLDER.glob("*.*"))}
-    for old, new in replaced.items():
-        texts = {file: text.replace(old, new) for file, text in texts.items()}
+    texts = {
+        file: any_of.sub(lambda found: replaced[found[0]], text) for file, text in texts.items()
+    }
     text = texts.pop(f"{TEMPLATE_NAME}.ipynb")
     folder.parent.mkdir(parents=True, exist_ok=True)
     with staging(folder.parent) as part:
