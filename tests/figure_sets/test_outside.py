@@ -32,7 +32,7 @@ def footprint(tmp_path, monkeypatch):
 
 
 def test_a_new_set_is_refused_where_something_of_its_name_is(footprint):
-    for name in (footprint, "claims", "ch3", "./Some Name"):
+    for name in (footprint, "claims", "ch3", "registry", "./Some Name"):
         assert "allowed: " in refusal(thesis("new-set", name))
     assert sorted(file.suffix for file in footprint.iterdir()) == [".ipynb", *[".py"] * 4, ".toml"]
 

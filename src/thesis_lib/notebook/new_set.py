@@ -90,7 +90,8 @@ def write_set(name: str, title: str = "") -> list[Path]:
         folder = project_root() / "src/thesis_lib/figure_sets" / name.replace("-", "_")
     notebook = (project_root() / "notebooks" if inside else folder) / f"{place.name}.ipynb"
     taken = place.name in FIGURE_SETS or place.name in CHAPTER_SETS
-    if taken or folder.exists() or notebook.exists():
+    hidden = inside and folder.with_suffix(".py").exists()  # a module, as registry.py
+    if taken or hidden or folder.exists() or notebook.exists():
         raise RefusedError(f"new-set: {name} is there already, allowed: a new name")
     words = place.name.split("-")
     class_name = "".join(map(str.capitalize, words))
