@@ -50,6 +50,18 @@ def test_controls_begin_with_the_request_and_give_it_back(name):
 
 
 @pytest.mark.parametrize(
+    ("name", "key", "value"),
+    [
+        ("beam-distance", "elevation_deg", 0.2),
+        ("experiment-resolution", "azimuth_deg", 89.8),
+        ("experiment-resolution", "amplitude_mm", 0.004),
+    ],
+)
+def test_a_value_next_to_a_bound_is_not_moved(name, key, value):
+    assert live.Controls(validate_request(name, {key: value})).values[key] == value
+
+
+@pytest.mark.parametrize(
     ("key", "value", "words"),
     [
         ("focal_length_mm", -1.0, "allowed: a number above 0"),

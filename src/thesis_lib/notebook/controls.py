@@ -174,8 +174,8 @@ def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidge
             step=step,
             readout_format=".4g",
             continuous_update=False,
-            min=low + step * ("exclusiveMinimum" in schema),
-            max=high - step * ("exclusiveMaximum" in schema),
+            min=min(low + step * ("exclusiveMinimum" in schema), value),  # else it is moved there
+            max=max(high - step * ("exclusiveMaximum" in schema), value),
         )
     if kind == "number":
         return ipywidgets.FloatText(value=value)
