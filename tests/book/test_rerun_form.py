@@ -17,6 +17,7 @@ from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.notebook.show import form_data
 from thesis_lib.runs.command_line import parse_assignments, requests_of
+from thesis_lib.studies import effort
 from thesis_lib.studies.fields import describe_permitted
 from thesis_lib.studies.request import ParameterError, describe_parameters, study_command
 from thesis_lib.text import RefusedError
@@ -85,6 +86,16 @@ def test_the_form_knows_every_parameter_in_the_models_words():
         every = {key for one in members for key in STUDIES[one].model_fields} - {"cube"}
         assert set(shown) | set(chapter["differ"]) == every
         assert not set(shown) & set(chapter["differ"])
+
+
+def test_a_chapter_takes_the_memory_of_the_two_largest_sets(monkeypatch):
+    costs = {name: effort.Effort(20.0, 100.0 + 10 * i, 1.0) for i, name in enumerate(STUDIES)}
+    monkeypatch.setattr(effort, "read_efforts", lambda: costs)
+    data = form_data()
+    for name, members in CHAPTER_SETS.items():
+        memory = sum(sorted(costs[one].peak_memory_mb for one in members)[-2:])
+        assert f"and {memory:.0f} MB," in data["chapters"][name]["takes"]
+    assert "takes 20 s and 100 MB," in data["sets"][next(iter(STUDIES))]["takes"]
 
 
 # --- in a browser
