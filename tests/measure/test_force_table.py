@@ -55,7 +55,7 @@ WRITTEN = {
     "separators at the end": "time;force;\n" + GERMAN.replace("\n", ";\n") + ";",
     "thousands": "time;force in mN\n"
     + "\n".join(f"{t:.3f};{1000 * f:,.2f}" for t, f in zip(TIMES, FORCES, strict=True)),
-    "time of day": "Time,Force (N)\n"
+    "time of day": "Time (h:m:s),Force (N)\n"
     + "\n".join(f"10:00:{t:06.3f},{f:.4f}" for t, f in zip(TIMES, FORCES, strict=True)),
 }  # fmt: skip
 
@@ -81,6 +81,27 @@ def test_any_code_and_end_of_line_will_do(conforms, tmp_path, code, end):
     assert source == "time from column 1 (Zeit) in s, force from column 2 (Kräfte) in N"
 
 
+@pytest.mark.parametrize(
+    ("head", "second", "newton"),
+    [
+        ("time (s),load (lb)", 1.0, 4.4482216152605),
+        ("time_h,load (kg)", 3600.0, 9.80665),
+        ("t [d],Kraft in daN", 86400.0, 10.0),
+        ("time,force\ns,cN", 1.0, 0.01),
+        ("min,kips", 60.0, 4448.2216152605),
+        ("s,kN\ntime,force", 1.0, 1e3),
+        ("s,force (µN)", 1.0, 1e-6),
+        ("s,force (μN)", 1.0, 1e-6),
+        ("s,force (ch 1)", 1.0, 1.0),
+    ],
+)
+def test_a_unit_counts_as_what_it_is(conforms, tmp_path, head, second, newton):
+    (tmp_path / "force.csv").write_text(f"{head}\n{lines(BOTH)}", encoding="utf-8")
+    times, newtons, _ = read_force_table(tmp_path / "force.csv")
+    conforms.closed_form(times, second * np.round(TIMES, 4), rtol=1e-12)
+    conforms.closed_form(newtons, newton * np.round(FORCES, 4), rtol=1e-12)
+
+
 REFUSED = {
     "an index and a force": ("i,force\n" + lines([NUMBERS, FORCES]), "the time"),
     "two forces": ("time,force 1,force 2\n" + lines([*BOTH, OTHERS]), "several columns may be"),
@@ -88,6 +109,9 @@ REFUSED = {
     "commas for both": ("Zeit,Kraft\n" + lines(BOTH, ",", ","), "commas"),
     "milliseconds unsaid": ("time,force\n" + lines([1000 * TIMES, FORCES]), "have no unit"),
     "volts": ("time (s),force (V)\n" + lines(BOTH), "in V, allowed: N"),
+    "an unknown unit": ("time_s,force [oz]\n" + lines(BOTH), "in oz, allowed: N, mN, kN, lbf"),
+    "an unknown unit of time": ("time (fortnight),force_N\n" + lines(BOTH), "allowed: s, ms, µs"),
+    "one known unit of two": ("time,force\ns,oz\n" + lines(BOTH), "in oz, allowed: N, mN"),
     "a gap": ("time,force\n" + lines(BOTH).replace("0.5000,", "0.5000,NaN,"), "no number"),
     "words": ("a text\nof some\nlines\n", "not a time and a force"),
     "back in time": ("time,force\n" + lines([TIMES % 1.5, FORCES]), "after the line before"),

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.arrays import Array
+from thesis_lib.templates import join_words
 
 MIN_SAMPLES = 100
 MAX_BYTES = 1 << 30  # of a table that is read at all
@@ -32,7 +33,7 @@ UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
               r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
 _WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 TIME_UNITS_S: dict[str, float] = _WORDS["time_units_s"]
-FORCE_UNITS_N: dict[str, float] = _WORDS["force_units_n"]
+FORCE_UNITS_N = {unit.lower(): factor for unit, factor in _WORDS["force_units_n"].items()}
 OTHER_UNITS = frozenset(_WORDS["other_units"])
 TIME_NAMES = frozenset(_WORDS["time_names"])
 FORCE_NAMES = frozenset(_WORDS["force_names"])
@@ -131,14 +132,18 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
             )
         rows.append([*row[:width], *[None] * (width - len(row))])
     values = np.array(rows, float)  # NaN where a cell is empty or a word
-    for k, cell in enumerate(form.cells(body[0][1])[:width]):
-        if CLOCK_PATTERN.fullmatch(cell):  # times of day count from the first
-            values[:, k] -= values[0, k]
+    first = form.cells(body[0][1])[:width]
+    clocks = [k for k, cell in enumerate(first) if CLOCK_PATTERN.fullmatch(cell)]
+    values[:, clocks] -= values[0, clocks]  # times of day count from the first
     header = [form.cells(line) for _, line in head]
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
         raise ForceError(f"{path}: its commas part columns and mark decimals, {EXAMPLE_TEXT}")
     names, units = _header(header, width)
     time, force = _columns(path, names, units, values)
+    if time in clocks:  # whatever their name says, as "Time (UTC)" or "Time (h:m:s)"
+        units[time] = "s"
+    for k, what in ((time, "time"), (force, "force")):
+        _check_unit(path, names, units, k, what)
     times = values[:, time] * TIME_UNITS_S.get(units[time].lower(), 1.0)
     mega = units[force] == MEGANEWTON_UNIT  # "mn" are millinewtons
     newtons = values[:, force] * (1e6 if mega else FORCE_UNITS_N.get(units[force].lower(), 1.0))
@@ -220,10 +225,20 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
     for row in [row for row in rows if 1 < len(row) <= width + 1][-4:]:
         cells = [*row[:width], *[""] * (width - len(row))]
         alone, split = [cell.strip("[]() ") for cell in cells], [_split(cell) for cell in cells]
-        if any(names) and sum(map(_is_unit, alone)) >= max(1, sum(map(bool, alone)) / 2):
-            units = [new if _is_unit(new) else old for new, old in zip(alone, units, strict=True)]
+        known = [_is_unit(one) for one in alone]
+        filled = [one.lower() for one in alone if one]
+        unnamed = sum(known) == len(filled) and all(
+            any(one in table for one in filled) for table in (TIME_UNITS_S, FORCE_UNITS_N)
+        )
+        if unnamed or (any(names) and sum(known) >= max(1, len(filled) / 2)):
+            units = [
+                new if _is_unit(new) or (not old and _is_word(new)) else old
+                for new, old in zip(alone, units, strict=True)
+            ]
         elif not any(names) or any(_kinds(name) for name, _ in split):
-            names, units = [name for name, _ in split], [unit for _, unit in split]
+            above = [""] * width if any(names) else units
+            names = [name for name, _ in split]
+            units = [unit or old for (_, unit), old in zip(split, above, strict=True)]
     return names, units
 
 
@@ -298,12 +313,26 @@ def _columns(
                 f"{path}: row {bad + 1} has no number in column {k + 1}{_name_column(names, k)}, "
                 f"the {what}; {EXAMPLE_TEXT}"
             )
-    if unit[force] and unit[force] not in FORCE_UNITS_N:
-        raise ForceError(
-            f"{path}: column {force + 1}{_name_column(names, force)} is in {units[force]}, "
-            "allowed: N, mN, kN or lbf"
-        )
     return time, force
+
+
+def _check_unit(path: Path, names: Sequence[str], units: Sequence[str], k: int, what: str) -> None:
+    """Refuse a column of time or force in another unit than those of the table."""
+    end = re.fullmatch(r".*[\[(]([^\])]*)[\])]", names[k])
+    unit = units[k] or (end[1].strip() if end and _is_word(end[1].strip()) else "")
+    known: dict[str, float] = _WORDS["time_units_s" if what == "time" else "force_units_n"]
+    if unit and unit.lower() not in map(str.lower, known):
+        by_size = {factor: name for name, factor in reversed(known.items())}  # first of each
+        raise ForceError(
+            f"{path}: column {k + 1}{_name_column(names, k)}, the {what}, is in {unit}, allowed: "
+            f"{join_words([*reversed(by_size.values())], 'or')}"
+        )
+
+
+def _is_word(text: str) -> bool:
+    """Return whether a text may be a unit that is not known: no number, channel or name."""
+    channel = re.match(r"ch(annel)?([\W\d_]|$)", text.lower())
+    return bool(re.search(r"[^\W\d_]", text)) and not channel and not _kinds(text)
 
 
 def _name_column(names: Sequence[str], k: int) -> str:
