@@ -102,6 +102,16 @@ def test_a_unit_counts_as_what_it_is(conforms, tmp_path, head, second, newton):
     conforms.closed_form(newtons, newton * np.round(FORCES, 4), rtol=1e-12)
 
 
+@pytest.mark.parametrize("step_us", [5, 20])
+def test_dates_are_as_exact_as_times_of_day(conforms, tmp_path, step_us):
+    micros = 999_000 + step_us * NUMBERS  # from shortly before midnight, over it
+    clocks = [f"2024-02-{28 + m // 10**6}T{'23:59:59' if m < 10**6 else '00:00:00'}.{m % 10**6:06d}"
+              for m in micros]  # fmt: skip
+    (tmp_path / "force.csv").write_text("time,force\n" + lines([clocks, FORCES]), encoding="utf-8")
+    times, _, _ = read_force_table(tmp_path / "force.csv")
+    conforms.closed_form(times, 1e-6 * step_us * NUMBERS, atol=1e-10)
+
+
 REFUSED = {
     "an index and a force": ("i,force\n" + lines([NUMBERS, FORCES]), "the time"),
     "two forces": ("time,force 1,force 2\n" + lines([*BOTH, OTHERS]), "several columns may be"),

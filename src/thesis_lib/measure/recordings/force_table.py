@@ -12,7 +12,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +50,7 @@ class _Form:
 
     separator: str  #: A character, or a space for any number of spaces and tabs
     decimal: str
+    day: int = 0  #: Ordinal of the day from which dates count
 
     def cells(self, line: str) -> list[str]:
         """Split a line."""
@@ -68,7 +69,7 @@ class _Form:
         if match is None:
             return None
         year, month, day, hours, minutes, seconds = match.groups()
-        days = dt.date(int(year), int(month), int(day)).toordinal() if year else 0
+        days = dt.date(int(year), int(month), int(day)).toordinal() - self.day if year else 0
         whole = 86400.0 * days + 3600 * int(hours) + 60 * int(minutes)
         return whole + float(seconds.replace(",", "."))
 
@@ -122,6 +123,12 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
     form, begin = _form_of(path, [line for _, line in numbered])
     head, body = numbered[:begin], numbered[begin:]
     width = Counter(len(form.cells(line)) for _, line in body[:LOOKED_AT]).most_common(1)[0][0]
+    first = form.cells(body[0][1])[:width]
+    clocks = [k for k, cell in enumerate(first) if CLOCK_PATTERN.fullmatch(cell)]
+    # Seconds since the year 1 would be rounded to 8 µs.
+    form = replace(
+        form, day=int(max([form.number(first[k]) or 0 for k in clocks], default=0) // 86400)
+    )
     rows = []
     for number, line in body:
         row, good = form.parse(line)
@@ -132,8 +139,6 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
             )
         rows.append([*row[:width], *[None] * (width - len(row))])
     values = np.array(rows, float)  # NaN where a cell is empty or a word
-    first = form.cells(body[0][1])[:width]
-    clocks = [k for k, cell in enumerate(first) if CLOCK_PATTERN.fullmatch(cell)]
     values[:, clocks] -= values[0, clocks]  # times of day count from the first
     header = [form.cells(line) for _, line in head]
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
