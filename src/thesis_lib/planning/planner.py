@@ -102,24 +102,25 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     """Explain a target out of reach: what it needs, and which limit on places costs most."""
     target, n, scene = request.target_percent, len(best.layout), best.scene
     assert target is not None
-    ratio = best.error / target
+    ratio = best.reached / target
     eased: dict[str, float] = {}
-    start = _grid_cost(scene, n, request)
-    for field in ("separation_mm", *OPTION_FIELDS):
+    start = _grid_cost(scene, n, request)  # infinite if only finer grids have room
+    for field in ("separation_mm", *OPTION_FIELDS) if np.isfinite(start) else ():
         free = ease_limit(scene, field)
         if field != "in_view" and any(
             not np.array_equal(limit, getattr(scene.rules, name))
             for name, limit in vars(free.rules).items()
         ):
-            eased[field] = best.error * np.sqrt(_grid_cost(free, n, request) / start)
+            eased[field] = best.reached * np.sqrt(_grid_cost(free, n, request) / start)
     most = min(eased, key=lambda field: eased[field], default="")
+    simulated = " in its simulation" if best.reached > best.error else ""
     text = (
         f"plan: target_percent: given {target:g} %, but the best of these plans ({n} cameras, "
-        f"{best.resolution[0]}×{best.resolution[1]} px) reaches {best.error:.3g} %; binding: "
-        f"resolutions_px and counts (it takes about {best.resolution[0] * ratio:.0f} px across, or "
+        f"{best.resolution[0]}×{best.resolution[1]} px) reaches {best.reached:.3g} %{simulated}; "
+        f"binding: resolutions_px and counts (it takes about {best.resolution[0] * ratio:.0f} px across, or "
         f"{int(np.ceil(n * ratio**2))} cameras)"
     )
-    if most and eased[most] < 0.99 * best.error:
+    if most and eased[most] < 0.99 * best.reached:
         text += f"; of the limits on places {_text(request, most)} costs most "
         text += f"(without it about {eased[most]:.3g} %)"
     return ImpossibleError(text)
@@ -165,6 +166,11 @@ class Option:
     def error(self) -> float:
         """Return the largest error of a mode in %."""
         return float(self.predicted.max())
+
+    @property
+    def reached(self) -> float:
+        """Return the error in % that a target bounds: predicted or simulated, the larger."""
+        return max(self.error, float(self.simulated.max()))
 
 
 @dataclass(frozen=True)
@@ -232,13 +238,9 @@ def plan(
     front = pareto([one.cost for one in options], [one.error for one in options])
     chosen, target = front[-1], request.target_percent
     if target is not None:
-        reached = [
-            i
-            for i, one in enumerate(options)
-            if max(one.error, float(one.simulated.max())) <= target
-        ]
+        reached = [i for i, one in enumerate(options) if one.reached <= target]
         if not reached:
-            raise explain_unreached(options[chosen], request)
+            raise explain_unreached(min(options, key=lambda one: one.reached), request)
         chosen = min(reached, key=lambda i: (options[i].cost, options[i].error))
     return Plan(request, body, options, front, chosen, total)
 
