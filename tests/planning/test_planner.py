@@ -219,16 +219,22 @@ def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
 
 def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     request = plan_request({**QUICK, "distances_mm": [500, 500], "target_percent": None,
-                            "resolutions_px": [[640, 360]]})  # fmt: skip
+                            "resolutions_px": [[640, 360]], "seed": 7,
+                            "estimator": "analytic-centre"})  # fmt: skip
     made = plan(request)
     best_ = made.options[made.chosen]
     words = study_of(request, best_.layout, best_.resolution)
     assert words.startswith("thesis run beam-arrays")
     values = dict(word.partition("=")[::2] for word in shlex.split(words)[4::2])
-    values = {key: json.loads(value) for key, value in values.items()}
+    estimator = {"estimator": values.pop("estimator")}
+    values = {key: json.loads(value) for key, value in values.items()} | estimator
     cube = studies.run(validate_request("beam-arrays", values))
     conforms.sampled(cube["predicted_error"].values[-1], best_.predicted, rtol=2e-2)
     assert int(cube["n_cameras"][-1]) == len(best_.layout)
+    drawn = cube["mean_error"][-1].values[:, 1:]  # the same draws, angles to 0.001° apart
+    conforms.independent(np.sqrt(np.mean(drawn**2, axis=1)), best_.simulated, rtol=3e-3)
+    partly = request.model_copy(update={"in_view": 0.5})
+    assert study_of(partly, best_.layout, best_.resolution) == ""
 
 
 # Structures from files.

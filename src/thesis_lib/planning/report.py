@@ -242,11 +242,12 @@ def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> 
     """Return the command that simulates a layout (rows of `places`) as a study; empty if none can.
 
     The studies of chapters 3 and 4 have the thesis's structures, and one distance and one lens for
-    all cameras, above the plane.
+    all cameras, above the plane, each of which counts for all markers.
     """
     distance, focal = 1000 * layout[:, 2], request.sensor_width_mm * layout[:, 3]
     low = np.degrees(layout[:, 1].min())
-    if request.plate_mm or np.ptp(distance) > 0.01 or np.ptp(focal) > 1e-9 or low <= 0:
+    alike = np.ptp(distance) <= 0.01 and np.ptp(focal) <= 1e-9 and low > 0
+    if request.plate_mm or request.in_view < 1 or not alike:
         return ""
     angles = np.degrees(layout[:, :2])
     angles[:, 0] = np.mod(angles[:, 0] + 180, 360) - 180
@@ -260,6 +261,8 @@ def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> 
         "focal_length_mm": round(float(focal[0]), 6),
         "sensor_width_mm": request.sensor_width_mm,
         "trials": request.trials,
+        "seed": request.seed,
+        "estimator": request.estimator,
     }
     return join_command(["thesis", "run", f"{request.body}-arrays"], values)
 
