@@ -217,6 +217,10 @@ def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
         assert np.any((costs[front] <= cost) & (errors_[front] <= error))
 
 
+def test_what_is_as_accurate_but_for_noise_and_dearer_is_not_on_the_front():
+    assert pareto([1, 2, 3, 4], [1.0, 1 - 1e-15, 1 - 2e-15, 0.9]) == [0, 3]
+
+
 def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     request = plan_request({**QUICK, "distances_mm": [500, 500], "target_percent": None,
                             "resolutions_px": [[640, 360]], "seed": 7,

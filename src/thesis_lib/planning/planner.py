@@ -269,6 +269,8 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
 def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:
     """Return indices of what nothing else beats in one without losing in the other, by rising cost.
 
+    Errors that only noise tells apart are equal.
+
     Examples
     --------
     >>> pareto([1, 2, 2, 3], [5.0, 4.0, 6.0, 4.0])
@@ -277,7 +279,7 @@ def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:
     front: list[int] = []
     least = np.inf
     for i in sorted(range(len(costs)), key=lambda i: (costs[i], errors_[i], i)):
-        if errors_[i] < least:
+        if errors_[i] < least * (1 - positions.MAX_TIE_RATIO):
             front.append(i)
             least = errors_[i]
     return front
