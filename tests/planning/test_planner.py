@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from command import thesis
+from matplotlib.figure import Figure
 from refused import line_of
 from scenes import plans
 from scenes.plans import plate, scene_of
@@ -21,7 +22,7 @@ from scenes.plans import plate, scene_of
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning import errors, positions, report, search, structure_file
-from thesis_lib.planning.planner import CAMERA_COLUMNS, ImpossibleError, pareto, plan
+from thesis_lib.planning.planner import CAMERA_COLUMNS, ImpossibleError, as_cube, pareto, plan
 from thesis_lib.planning.report import PLAN_FILES, study_of, write_plan
 from thesis_lib.planning.request import plan_request
 from thesis_lib.studies.request import ParameterError
@@ -219,6 +220,29 @@ def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
 
 def test_what_is_as_accurate_but_for_noise_and_dearer_is_not_on_the_front():
     assert pareto([1, 2, 3, 4], [1.0, 1 - 1e-15, 1 - 2e-15, 0.9]) == [0, 3]
+
+
+def test_every_size_of_images_has_its_symbol(made):
+    cube = as_cube(made)
+    alike = cube.assign(width_px=0 * cube["width_px"] + 640)  # other heights at one width
+    axes = Figure().add_subplot()
+    report.front_panel(axes, alike)
+    labels = axes.get_legend_handles_labels()[1]
+    assert {f"640×{h} px" for h in np.unique(cube["height_px"])} <= {*labels}
+
+
+def test_counts_without_a_layout_are_told_as_left_out():
+    told: list[str] = []
+    values = {
+        "counts": [2, 6, 8],
+        "separation_mm": 750,
+        "target_percent": None,
+        "distances_mm": [500, 500],
+    }
+    made = plan(plan_request({**QUICK, **values}), tell=told.append)
+    numbers = {len(one.layout) for one in made.options}
+    assert numbers == {int(line.split()[0]) for line in told if " cameras placed" in line} == {2}
+    assert "left out: 6 and 8 cameras, for which no layout was found" in told
 
 
 def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):

@@ -24,6 +24,7 @@ from thesis_lib.planning.positions import Body, Scene, candidate_positions
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.templates import join_words
 
 OPTION_FIELDS = (
     "tilt_deg", "in_view", "elevations_deg", "azimuths_deg", "distances_mm", "forbidden_boxes_mm",
@@ -117,8 +118,8 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     text = (
         f"plan: target_percent: given {target:g} %, but the best of these plans ({n} cameras, "
         f"{best.resolution[0]}×{best.resolution[1]} px) reaches {best.reached:.3g} %{simulated}; "
-        f"binding: resolutions_px and counts (it takes about {best.resolution[0] * ratio:.0f} px across, or "
-        f"{int(np.ceil(n * ratio**2))} cameras)"
+        f"binding: resolutions_px and counts (it takes about {best.resolution[0] * ratio:.0f} px "
+        f"across, or {int(np.ceil(n * ratio**2))} cameras)"
     )
     if most and eased[most] < 0.99 * best.reached:
         text += f"; of the limits on places {_text(request, most)} costs most "
@@ -302,6 +303,8 @@ def _options(
     made = search.best_layouts(scene, grid, counts, *asked, placed)
     if all(layout is None for layout in made):
         raise no_room(scene, grid, counts[0], request)
+    if missing := [n for n, layout in zip(counts, made, strict=True) if layout is None]:
+        tell(f"left out: {join_words(missing)} cameras, for which no layout was found")
     known = place_information(scene, grid)
     factor = errors.average_error(scene)
     options = []

@@ -78,23 +78,23 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
     predicted, simulated = (
         cube[f"{name}_error"].max("mode").values for name in ("predicted", "simulated")
     )
-    counts, widths = cube["n_cameras"].values, cube["width_px"].values
+    counts = cube["n_cameras"].values
+    sizes = [*zip(cube["width_px"].values.tolist(), cube["height_px"].values.tolist(), strict=True)]
     front = np.flatnonzero(cube["on_front"].values)
     front = front[np.argsort(cost[front], kind="stable")]
     line: Any = {"color": style.REFERENCE_COLOR, "linewidth": 1.2, "where": "post"}
     axes.step(cost[front], predicted[front], label="nothing cheaper is as accurate", **line)
     numbers = np.unique(counts)
-    symbols = dict(zip(np.unique(widths), cycle("osD^vP*X"), strict=False))
+    symbols = dict(zip(sorted(set(sizes)), cycle("osD^vP*X"), strict=False))
     inks = dict(zip(numbers, style.ordered_colors(len(numbers)), strict=True))
     for n, ink in inks.items():
-        for width, symbol in symbols.items():
-            at = (counts == n) & (widths == width)
+        for size, symbol in symbols.items():
+            at = (counts == n) & [one == size for one in sizes]
             axes.plot(cost[at], predicted[at], symbol, color=ink, markersize=6)
-    heights = {width: int(cube["height_px"].values[widths == width][0]) for width in symbols}
     dots: dict[str, dict[str, Any]] = {
         f"{n} cameras": {"color": ink, "marker": "s"} for n, ink in inks.items()
     }
-    dots |= {f"{w}×{heights[w]} px": {"marker": symbol} for w, symbol in symbols.items()}
+    dots |= {f"{w:g}×{h:g} px": {"marker": symbol} for (w, h), symbol in symbols.items()}
     style.name_styles(axes, {label: {"ls": "none", "ms": 5, **own} for label, own in dots.items()})
     axes.plot(cost, simulated, "_", color=style.BLACK_COLOR, markersize=9, label="simulated")
     if target is not None:

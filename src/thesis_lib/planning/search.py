@@ -227,7 +227,8 @@ def best_layouts(
         finite = [one for one in layouts if np.isfinite(layout_cost(scene, one, objective))]
         settled = [settle_layout(about, one, objective) for one in finite]
         found.append(choose_layout(scene, settled, objective))
-        tell(count)
+        if found[-1] is not None:
+            tell(count)
     return found
 
 
