@@ -71,7 +71,8 @@ def test_the_assumed_fields_can_be_pasted_as_they_are_said(folder, name, given):
     marks = "not given, so assumed: -p "
     said = [line[len(marks) :] for line in first.out.splitlines() if line.startswith(marks)]
     assert len(said) > 15
-    pasted = [part for line in said for part in ("-p", line)]
+    pasted = [part for line in said for part in shlex.split(f"-p {line}")]
+    assert len(pasted) == 2 * len(said)  # as a shell parts them, too
     second = thesis("measure", "--new", folder, *given, *pasted)
     assert marks not in second.out
     assert read_manifest(file, check_files=False) == one

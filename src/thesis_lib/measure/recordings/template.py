@@ -197,7 +197,8 @@ def list_assumed(
             for part in name.split("."):
                 value = getattr(value, part)
                 value = value[0] if part == "cameras" else value
-            yield format_new("assumed", name=name, value=json.dumps(value))
+            text = value if isinstance(value, str) else json.dumps(value)
+            yield format_new("assumed", name=name, value=shlex.quote(text))
 
 
 def _is_given(name: str, given: Mapping[str, Any]) -> bool:
