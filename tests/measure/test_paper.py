@@ -11,7 +11,7 @@ from command import refusal, thesis
 
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.paper import PAGE_SIZES_MM, STRIP_MM
+from thesis_lib.measure.paper import BORDER_MM, PAGE_SIZES_MM, STRIP_MM, write_stand
 from thesis_lib.measure.recordings.board import MARK_RATIO, Board, BoardSpec
 from thesis_lib.measure.recordings.manifest import write_manifest
 
@@ -129,6 +129,21 @@ def test_a_stand_tells_where_each_camera_is(tmp_path):
         (["board", "x.png"], ["x.png", "allowed: one that ends in .pdf"]),
         (["board", "x.pdf", "--charuco", "--two-sided"], ["--two-sided", "with --charuco"]),
         (["markers", "x.pdf", "--diameter-mm", "30"], ["--diameter-mm", "30", "below 25"]),
+        (
+            [
+                "markers",
+                "x.pdf",
+                "--columns",
+                "1",
+                "--rows",
+                "4",
+                "--row-spacing-mm",
+                "60",
+                "--diameter-mm",
+                "50",
+            ],
+            ["--diameter-mm", "50", "below 25"],
+        ),
         (["stand", "none.yaml", "x.pdf"], ["none.yaml", "no such file"]),
     ],
 )
@@ -137,3 +152,15 @@ def test_what_cannot_be_printed_is_refused_in_one_line(tmp_path, monkeypatch, op
     said = refusal(thesis("print", *options))
     assert all(word in said for word in words)
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("paper", PAGE_SIZES_MM)
+def test_a_stand_of_many_cameras_stays_above_the_ruler(tmp_path, paper):
+    camera = example_manifest(example_rig()).cameras[0]
+    cameras = [camera.model_copy(update={"name": f"c{k}"}) for k in range(16)]
+    write_stand(tmp_path / "stand.pdf", cameras, paper)
+    words = pypdfium2.PdfDocument(str(tmp_path / "stand.pdf"))[0].get_textpage()
+    heights = [words.get_charbox(words.search(f"c{k}: azimuth").get_next()[0])[1] / PX * DPI / 72
+               for k in range(16)]  # mm from the page's foot  # fmt: skip
+    assert heights[-1] > BORDER_MM + STRIP_MM - 1
+    assert np.diff(heights).max() < -2.7  # of letters of 2 mm or less

@@ -202,13 +202,14 @@ def write_markers(
     Raises
     ------
     RefusedError
-        If markers overlap, or are further apart than a page is long.
+        If markers overlap or reach the corner marks, or are further apart than a page is long.
     """
     across = row_spacing_mm or spacing_mm
-    least = min(spacing_mm if columns > 1 else np.inf, across if rows > 1 else np.inf)
+    least = min(spacing_mm, across)  # of one row, too: corner marks stand half of it beyond
     if diameter_mm >= least:
         raise RefusedError(
-            f"--diameter-mm: given {diameter_mm:g}, allowed: below {least:g}, the spacing"
+            f"--diameter-mm: given {diameter_mm:g}, allowed: below {least:g}, the spacing "
+            f"({spacing_mm:g} mm × {across:g} mm)"
         )
     wide, high = _drawable_mm(paper, landscape=True)
     per = int(wide // spacing_mm), int(high // across)
@@ -297,7 +298,9 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
                 f"{distance * np.cos(tilt):.0f} mm along its ray, {distance * np.sin(tilt):.0f} mm "
                 f"above the structure; {distance:g} mm from its centre"
             )
+        top = high - 2 * radius - 24
+        step = min(6.0, top / (len(lines) - 1))  # mm, so that the last line is above the strip
         for k, line in enumerate(lines):
-            axes.text(4, high - 2 * radius - 24 - 6 * k, line, size=8)
+            axes.text(4, top - step * k, line, size=min(8.0, 2 * step))
 
     _write_pages(path, paper, False, [(draw, "")])
