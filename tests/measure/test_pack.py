@@ -71,6 +71,9 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
     video = tmp_path / "left.mov"
     np.testing.assert_array_equal(list(read_frames(video)), EIGHT[:, :46, :62])
     assert probe_media(video).frame_rate == 240
+    video.unlink()  # the same from inside the folder
+    inside = thesis("convert", ".", "--rate-hz", "240", cwd=tmp_path / "left")
+    assert inside.out == f"{video.resolve()}: 7 frames of 62 × 46 px\n"
 
 
 @pytest.mark.parametrize(

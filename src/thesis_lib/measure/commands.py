@@ -224,10 +224,11 @@ def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     from thesis_lib.measure.recordings.media import pack_frames
     from thesis_lib.measure.recordings.media_info import MediaError
 
-    stem = source.name if source.is_dir() else source.stem
-    target = video or source.with_name(f"{stem}.mov")
+    named = source.resolve() if source.name in ("", "..") else source  # as "." has no name
+    stem = named.name if source.is_dir() else named.stem
+    target = video or named.with_name(f"{stem}.mov")
     if video is None and target == source:
-        target = source.with_name(f"{stem}-{rate_hz or 0:g}.mov")
+        target = named.with_name(f"{stem}-{rate_hz or 0:g}.mov")
     with name_place(target):
         check_outputs(target.parent, [target])
         try:
