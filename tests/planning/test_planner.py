@@ -398,6 +398,7 @@ BAD = [
     ("distances_mm", [300, 1500], "more than 3"),
     ("elevations_deg", [50, 40], "elevations_deg"),
     ("forbidden_boxes_mm", [[1, 0, 0, 1, 0, 1]], "forbidden_boxes_mm"),
+    ("plane", "YZ", 'with goal "sound-plane"'),
     ("plate_mm", [600, 400, 3], 'with body "plate"'),  # the body is a beam
 ]
 

@@ -198,6 +198,8 @@ class PlanRequest(Study):
             self.refuse("goal", SOUND_ONLY)
         if (self.point_mm is not None) != (self.goal == "sound-point"):
             self.refuse("point_mm", 'allowed: null, or with goal "sound-point" [X, Y, Z]')
+        if self.plane != "XZ" and self.goal != "sound-plane":
+            self.refuse("plane", 'allowed: "XZ", or with goal "sound-plane" "YZ"')
         if self.plate_mm and (self.body, self.goal) != ("plate", "shape"):
             self.refuse("plate_mm", 'allowed with body "plate" and goal "shape", else null')
         if self.prices and len(self.prices) != len(self.resolutions_px):
