@@ -13,7 +13,7 @@ from thesis_lib.files import project_root
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.feasibility.prediction import draft_manifest
-from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
+from thesis_lib.measure.recordings.manifest import read_manifest, shot_paths, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.report.animation import write_mp4
 from thesis_lib.measure.report.figures import draw_prediction
@@ -59,6 +59,18 @@ def test_what_files_show_is_in_the_manifest_and_what_is_missing_is_said(folder):
     assert "exposure_s" not in assumed
     text = (folder / "manifest.yaml").read_text(encoding="utf-8")
     assert "  length_mm: 623.0  # CHECK: length along x" in text
+
+
+def test_images_of_a_camera_with_a_longer_name_are_not_taken(folder):
+    picture = np.full((48, 64), 90, np.uint8)
+    write_mp4(folder / "right-2.mp4", [np.dstack([picture] * 3)] * 20, 60)
+    for name in ("right-2", "right-3", "right-2-0", "right-2-1", "right-2-2"):
+        cv2.imwrite(str(folder / "shots" / f"{name}.jpg"), picture)
+    assert thesis("measure", "--new", folder).status == 0
+    cameras = read_manifest(folder / "manifest.yaml", check_files=False).cameras
+    shots = {camera.name: shot_paths(camera, folder) for camera in cameras}
+    assert shots["right"] == [folder / "shots" / f"right-{k}.jpg" for k in range(4)]
+    assert shots["right-2"] == [folder / "shots" / f"right-2-{k}.jpg" for k in range(3)]
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,7 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
                 "frame_rate_hz": float(f"{rate:.8g}"),
                 "captured_hz": info.captured_hz if is_slowed(info) else None,
                 "exposure_s": exposure,
-                "board_images": _shots(folder, video.stem),
+                "board_images": _shots(folder, video.stem, [one.stem for one in videos]),
             }
         )
     values = with_given(cameras, given)
@@ -142,16 +142,23 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
     return values
 
 
-def _shots(folder: Path, name: str) -> str | None:
-    """Return the folder or pattern of a camera's calibration images; None if there are none."""
+def _shots(folder: Path, name: str, names: Sequence[str]) -> str | list[str] | None:
+    """Return the folder or pattern of a camera's calibration images; None if there are none.
+
+    It is a list where the pattern has those of another camera, too: of `cam-2` for `cam`.
+    """
+    others = tuple(f"{one}-" for one in names if one.startswith(f"{name}-"))
     inside = sorted(one for one in folder.rglob("*") if one.is_dir() and not is_hidden(one))
     for place in inside:
         if place.name.lower() == name.lower() and find_images(place.iterdir()):
             return place.relative_to(folder).as_posix()
     for place in [folder, *inside]:
-        own = find_images(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
+        named = find_images(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
+        own = [file for file in named if not file.name.startswith(others)]
         kinds = {file.suffix for file in own}
-        if len(kinds) == 1:
+        if len(own) < len(named) and len(own) >= MIN_BOARD_IMAGES:
+            return [file.relative_to(folder).as_posix() for file in own]
+        if len(kinds) == 1 and len(own) == len(named):
             start = glob.escape((place.relative_to(folder) / f"{name}-").as_posix())
             return f"{start}*{kinds.pop()}"
     return None
@@ -165,7 +172,8 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
         shots = [shot for shot in manifests.shot_paths(camera, folder) if shot]
         counts.append(len(shots))
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
-        images = f"; {len(shots)} board images in {camera.board_images}"
+        place = camera.board_images if isinstance(camera.board_images, str) else "a list"
+        images = f"; {len(shots)} board images in {place}"
         yield (
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
             f"frames per second{seconds}{images if camera.board_images else ''}"
