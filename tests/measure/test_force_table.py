@@ -93,6 +93,7 @@ def test_any_code_and_end_of_line_will_do(conforms, tmp_path, code, end):
         ("s,force (µN)", 1.0, 1e-6),
         ("s,force (μN)", 1.0, 1e-6),
         ("s,force (ch 1)", 1.0, 1.0),
+        ("time,F_h", 1.0, 1.0),
     ],
 )
 def test_a_unit_counts_as_what_it_is(conforms, tmp_path, head, second, newton):

@@ -257,8 +257,10 @@ def _split(cell: str) -> tuple[str, str]:
     cell = cell.strip().strip("\"'")
     for form in UNIT_FORMS:
         match = re.fullmatch(form, cell)
-        if match and _is_unit(match[2].strip()) and match[1].strip():
-            return match[1].strip(), match[2].strip()
+        name, unit = (part.strip() for part in match.groups()) if match else ("", "")
+        direction = unit.lower() in ("h", "d") and "force" in _kinds(name)  # as F_h
+        if name and _is_unit(unit) and not direction:
+            return name, unit
     return cell, ""
 
 
