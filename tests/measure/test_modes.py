@@ -11,8 +11,8 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes, modal_assurance
-from thesis_lib.measure.modes.poles import block_of
-from thesis_lib.measure.modes.shapes import without_outliers
+from thesis_lib.measure.modes.poles import block_of, fit_poles
+from thesis_lib.measure.modes.shapes import estimate_shapes, without_outliers
 from thesis_lib.measure.pipeline import Recorded, measure_modes
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation, Sought
 from thesis_lib.measure.report.warnings import check_modes
@@ -77,6 +77,19 @@ def test_outliers_and_no_other_centres_are_left_out(count, off_px):
     rates = np.stack([truth.damping * omega, omega * np.sqrt(1 - truth.damping**2)], axis=1)
     found = without_outliers(replace(track, uv=uv), block, rates, REST.places)
     np.testing.assert_array_equal(np.isnan(found.uv), np.stack([stray, stray], axis=1))
+
+
+def test_a_camera_that_sees_a_marker_only_after_rest_measures_it_as_well():
+    one, hidden = beam_modes(damping=(0.01,), amplitude=(2e-3,)), REST.images.copy()
+    hidden[1, :, 40:45] = np.nan
+    seen = tracks(RIG, one, seconds=1)
+    blocks = [block_of(t.times, t.uv.reshape(len(t.uv), -1), np.ones(150)) for t in seen]
+    poles = fit_poles(blocks, np.array([[-one.poles[0].real, one.poles[0].imag]]), damped=True)
+    part, whole = (
+        estimate_shapes(seen, blocks, poles, still)[0][0].amplitude
+        for still in (replace(REST, images=hidden), REST)
+    )
+    np.testing.assert_allclose(part, whole, rtol=0, atol=1e-9)  # m
 
 
 # What missing centres, and all else, do to standard errors.

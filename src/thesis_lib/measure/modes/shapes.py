@@ -191,12 +191,15 @@ def estimate_shapes(
     pairs = zip(tracks, blocks, strict=True)
     seen, scatter = zip(*(mode_images(*pair, poles) for pair in pairs), strict=True)
     still = np.zeros(len(cameras))
+    # A camera that did not see a marker at rest has it where the others put it.
+    hidden = pinhole.project(pinhole.projection_matrices(cameras), rest.points)
+    images = np.where(np.isfinite(rest.images), rest.images, hidden)
     found = []
     for k, rate in enumerate(poles.rates):
         omega = float(rate[1])
         own = [
             restore_scatter(one[k].raised(images_at), rest.places)[0]
-            for one, images_at in zip(seen, np.nan_to_num(rest.images), strict=True)
+            for one, images_at in zip(seen, images, strict=True)
         ]
         fit = harmonics.Fitted(cameras, own, rest.images, rest.frame)
         moved, allowed = in_plane(fit, omega, still, rest.places, rest.thickness)
