@@ -197,6 +197,15 @@ def test_cameras_out_of_step_tell_an_alias():
     assert found["rival_out_of_step"][2] > 5 * found["out_of_step"][2]
 
 
+def test_modes_that_are_given_are_not_taken_for_their_aliases():
+    """To two cameras whose starts are off, an alias of a given mode may seem more in step."""
+    own, truth = rig(2), beam_modes((0.01, 0.006), (2e-3, 1e-3j))
+    seen = tracks(own, truth, 1.5, (60.0, 60.0), off=(0.0, 0.012))
+    asked = Asked(BAND, given=tuple(truth.frequency))
+    found, _ = identify_modes(seen, rest(own), asked)
+    np.testing.assert_allclose(found["frequency"], truth.frequency, rtol=2e-3)
+
+
 @pytest.mark.slow
 def test_steady_tones_at_unlike_clocks():
     """Two tones, each with a shape of two modes; a clock that runs 40 ppm fast is found."""

@@ -203,7 +203,7 @@ def _nearest_in_step(
 ) -> tuple[Poles, list[list[tuple[float, float]]]]:
     """Return each mode at that of the frequencies that frames show alike with which cameras agree.
 
-    With it, for each mode: these frequencies in Hz, and the phases in rad by which cameras are out
+    One that is given stays. With it, for each mode: these frequencies in Hz, and the phases in rad by which cameras are out
     of step then; the one that is taken comes first.
     """
     rates = poles.rates.copy()
@@ -218,7 +218,8 @@ def _nearest_in_step(
             alone = replace(poles, rates=np.vstack([trial, np.delete(poles.rates, k, axis=0)]))
             shapes, _ = motions.estimate_shapes(tracks, blocks, alone, rest)
             apart.append((other, float(np.nanmax(np.abs(shapes[0].turn)))))
-        apart.sort(key=lambda one: one[1])
+        kept = any(abs(own - f) <= fits.search_range(f, 1 / near) for f in asked.given)
+        apart.sort(key=lambda one: (kept and one[0] != own, one[1]))
         told.append(apart or [(own, 0.0)])
         rates[k, 1] = 2 * np.pi * told[k][0][0]
     if np.array_equal(rates, poles.rates):
