@@ -250,13 +250,16 @@ def test_frames_at_any_times_count_at_their_own(conforms, tmp_path):
     conforms.sampled(np.sqrt(np.mean(ratio**2)), below=1.3)
 
 
-def test_a_camera_that_is_touched_is_named_with_its_second(conforms, tmp_path):
-    own = recordings(tmp_path, noise=0.02)
+@pytest.mark.parametrize(("late", "readout"), [(0.0, 0.0), (0.1, 0.03)])
+def test_a_camera_that_is_touched_is_named_with_its_second(conforms, tmp_path, late, readout):
+    """Whatever its clock says, and however late its rows are."""
+    own = recordings(tmp_path, noise=0.02, readout=readout)
 
     def jump(times, uv):
         uv[times > 2.7] += np.array([[2.0], [1.5]])
 
     edited(own[3], jump)
+    own[3] = replace(own[3], delay=own[3].delay + late)
     data = shape_result(manifest(), heard(), own)
     conforms.closed_form(data["jump"][3], 2.5, atol=0.1)
     conforms.closed_form(data["jump_time"][3], 2.7, atol=0.05)

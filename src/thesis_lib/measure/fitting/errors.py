@@ -180,7 +180,12 @@ def explained_share(
 def find_jump(
     own: Recording, fit: Harmonics, omega: float, begin: float, end: float
 ) -> tuple[float, float]:
-    """Find how far all that a camera sees jumped, px, and when, s; 0 and NaN if it did not."""
+    """Find how far all that a camera sees jumped, px, and when, s; 0 and NaN if it did not.
+
+    By the clock of the recording, of which `fit` is as :func:`harmonics.fit_tracks` returns it.
+    """
+    late = harmonics.row_delays(own, fit.coefficients[0])
+    fit = fit.earlier(omega, -late)  # of what is seen at the frames' times
     first, last = own.between(begin, end)
     every = -(-(last - first) // MAX_JUMP_FRAMES)  # of a long recording some frames tell
     times, common = [], []

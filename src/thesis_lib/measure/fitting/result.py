@@ -196,8 +196,8 @@ def shape_result(
     tone = errors.explained_share(recordings, begin, end, frequency, order)
     errors.check_explained(tone, given)
     jumps = [
-        errors.find_jump(own, fitted, omega, begin, end)
-        for own, fitted in zip(recordings, fit.harmonics, strict=True)
+        errors.find_jump(own, seen, omega, begin, end)
+        for own, seen in zip(recordings, raw.harmonics, strict=True)
     ]
     alike, apart = _compare_aliases(recordings, raw, begin, end, frequency)
     if excitation.sound == "none":  # starts that are not known tell nothing
@@ -241,7 +241,7 @@ def shape_result(
         "lag": lags,
         "lag_deviation": lag_errors,
         "jump": [size for size, _ in jumps],
-        "jump_time": [when for _, when in jumps],
+        "jump_time": [when + late for (_, when), late in zip(jumps, lags, strict=True)],
         "rest_misfit": reconstruction.misfit_at_rest(cameras, rest),
         "harmonics": order,
         "frames": [np.diff(own.between(begin, end))[0] for own in recordings],
