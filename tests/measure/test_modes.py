@@ -10,11 +10,18 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
 from thesis_lib.acoustics.radiation import AIR
-from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes, modal_assurance
+from thesis_lib.measure.modes.identify import (
+    Asked,
+    ModalError,
+    identify_modes,
+    modal_assurance,
+    rest_of,
+)
 from thesis_lib.measure.modes.poles import block_of, fit_poles
 from thesis_lib.measure.modes.shapes import estimate_shapes, without_outliers
 from thesis_lib.measure.pipeline import Recorded, measure_modes
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation, Sought
+from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.warnings import check_modes
 from thesis_lib.studies.cubes import complex_of
 from thesis_lib.vibration.motion import Component, fold_frequency
@@ -277,6 +284,26 @@ def test_errors_hold_what_a_mode_that_is_not_fitted_does():
     off = np.abs(pair["frequency"][0] - 20.0)
     assert off > 5 * alone["frequency_deviation"][0]  # by noise alone it could not be
     assert off < 3 * pair["frequency_deviation"][0]
+
+
+def mirror(uv):
+    return uv.reshape(*uv.shape[:2], 3, -1)[..., ::-1].reshape(uv.shape)
+
+
+def keep_one_row(uv):
+    return np.where(np.arange(uv.shape[2]) < uv.shape[2] // 3, uv, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [(mirror, "wrong way round"), (keep_one_row, "25 of 75 markers .* are on one line")],
+)
+def test_markers_that_do_not_tell_the_sides_are_refused(tmp_path, change, told):
+    recordings, manifest = recorded(tmp_path, RIG, TWO_MODES, seconds=0.1)
+    for own in recordings:
+        np.save(own.path, change(np.array(own.centres)))
+    with pytest.raises(ChainError, match=told):
+        rest_of(manifest, recordings)
 
 
 def test_what_a_manifest_may_not_ask_is_refused():

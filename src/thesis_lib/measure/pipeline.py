@@ -97,14 +97,6 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
         covariance = cameras.covariance_of(of.calibration)
         data = result.shape_result(manifest, sound, of.recordings, covariance)
         still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
-        seen = np.isfinite(data["rest_position"].values).all(axis=0)
-        places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
-        if validation.on_one_line(places, manifest.structure.markers.diameter_mm):
-            raise validation.ChainError(
-                f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on "
-                "one line, which does not tell how the structure is turned about it: move a "
-                "camera, or add markers beside the line"
-            )
         for found in (of.calibration, sound):
             stored = found.drop_vars(UNSTORED_VARIABLES, errors="ignore").drop_encoding()
             data = data.merge(stored)

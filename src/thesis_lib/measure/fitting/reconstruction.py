@@ -11,7 +11,7 @@ import numpy as np
 
 from thesis_lib.arrays import Array, ArrayLike, IntArray, Mask
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.recordings.validation import ChainError
+from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.vision.pinhole import Camera, project, projection_matrices
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
@@ -183,11 +183,19 @@ def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
 def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
     """Return the structure's frame from undistorted markers at rest, (cameras, 2, markers).
 
-    Those that do not fit their places are refused, with the camera that fits worst.
+    Those on one line are refused; and those that do not fit their places, with the camera that fits
+    worst.
     """
     points, seen = triangulate_seen(projection_matrices(cameras), rest)
     if np.count_nonzero(seen >= 2) < 3:
         raise ChainError("fewer than three markers at rest are seen by two cameras")
+    places = 1000 * markers.centres[:, seen >= 2]
+    if on_one_line(places, 1000 * markers.diameter):
+        raise ChainError(
+            f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on one "
+            "line, which does not tell how the structure is turned about it: move a camera, or add "
+            "markers beside the line"
+        )
     frame = fit_grid(points, markers.world[:, : markers.count])
     most = GRID_SHARE * float(markers.nearest.min())
     if frame.rms <= most and abs(frame.scale - 1) <= GRID_SCALE:

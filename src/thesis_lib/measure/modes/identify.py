@@ -337,6 +337,7 @@ def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Rest:
     seconds = manifest.excitation.rest_duration_s
     still = np.array([harmonics.at_rest(own, seconds) for own in recordings])
     frame = reconstruction.check_frame(cameras, still, markers)
+    reconstruction.check_sides(frame, cameras)
     points, _ = reconstruction.triangulate_seen(projection_matrices(cameras), still)
     thick = manifest.structure.thickness_mm / 1000
     return Rest(still, frame, points, markers.centres, thick)
