@@ -347,6 +347,18 @@ def test_standard_errors_hold_what_drawn_calibrations_do(conforms, tmp_path):
     assert np.sqrt(np.mean(errors**2)) > 3 * np.sqrt(np.mean(alone**2))
 
 
+def test_shapes_without_a_camera_differ_as_stated_however_unlike_the_cameras_scatter(
+    conforms, tmp_path
+):
+    own, rng = recordings(tmp_path), np.random.default_rng(0)
+    for one, noise in zip(own, (0.05, 0.05, 0.05, 0.15), strict=True):
+        edited(one, lambda t, uv, sigma=noise: uv.__iadd__(sigma * rng.standard_normal(uv.shape)))
+    data = shape_result(manifest(), heard(), own)
+    ratio = ((data["without_camera"] - data["deflection"]) / data["without_deviation"]).values
+    assert np.isfinite(ratio[:, 4:]).all()
+    conforms.sampled(np.sqrt(np.mean(ratio[:, 4:] ** 2, axis=1)), 1, atol=0.3)
+
+
 @pytest.mark.nightly
 def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_path):
     shapes, without = [], []

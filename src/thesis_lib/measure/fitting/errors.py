@@ -19,9 +19,9 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.calibration.bundle_adjustment import step_network, without_boards
-from thesis_lib.measure.fitting import harmonics
+from thesis_lib.measure.fitting import harmonics, reconstruction
 from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
 from thesis_lib.measure.recordings.board import Markers
@@ -104,20 +104,26 @@ def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
 def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> tuple[Array, Array]:
     """Return the shapes from all cameras but one, and how far they should be from that of all.
 
-    Both (cameras, markers), in m. The estimate of all is the best of all their combinations, so the
-    difference has the variance of the part less that of all.
+    Both (cameras, markers), in m. Both shapes rest on the same centres, each with gains of its own,
+    so the scatter of a centre counts by the difference of its gains. The deviation is NaN where the
+    camera that is left out does not see a marker.
     """
     count = len(fit.cameras)
     shapes = np.full((count, fit.rest.shape[2]), np.nan)
-    deviations, best = shapes.copy(), harmonics.amplitude_std(fit, omega, exposures)
+    deviations, noise = shapes.copy(), harmonics.image_std(fit, omega, exposures)
+    seen: Mask = np.all(np.isfinite(noise), axis=1)
+    noise = np.where(seen[:, None], noise, 0.0)
+    whole = reconstruction.normal_gain(fit.P, fit.frame, fit.points, seen)
     for left_out in range(count if count > 2 else 0):
         kept = [i for i in range(count) if i != left_out]
         cameras, own = [fit.cameras[i] for i in kept], [fit.harmonics[i] for i in kept]
         part = Fitted(cameras, own, fit.rest[kept], fit.frame)
         turned = harmonics.deflection_amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
         shapes[left_out] = turned.real
-        more = harmonics.amplitude_std(part, omega, exposures[kept]) ** 2 - best**2
-        deviations[left_out] = np.sqrt(np.where(more > 0, more, np.nan))
+        others = seen & (np.arange(count) != left_out)[:, None]
+        change = reconstruction.normal_gain(fit.P, fit.frame, fit.points, others) - whole
+        deviation = np.sqrt(np.sum((change * noise) ** 2, axis=(0, 1)))
+        deviations[left_out] = np.where(seen[left_out], deviation, np.nan)
     return shapes, deviations
 
 

@@ -230,9 +230,15 @@ def amplitude_std(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2
     White noise of σ over N frames leaves σ √(2/N) in each of the two parts of an amplitude. Along
     the structure's normal, or along another of its axes.
     """
+    noise = image_std(fit, omega, exposures)
+    return reconstruction.height_deviation(fit.P, fit.frame, fit.points, noise, axis)
+
+
+def image_std(fit: Fitted, omega: float, exposures: ArrayLike) -> Array:
+    """Return the standard deviation of images' amplitudes in phase, (cameras, 2, markers), px."""
     own = correct_exposure(fit, omega, exposures)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in own])
-    return reconstruction.height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread, axis)
+    return np.asarray(fit.sigma * spread, float)
 
 
 def common_phase(shape: ComplexArray, expected: float | None = None) -> float:
