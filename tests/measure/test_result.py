@@ -273,6 +273,14 @@ def test_a_wrong_frequency_is_refused_with_the_right_one(tmp_path):
         shape_result(manifest(frequency_hz=6.1), wrong, recordings(tmp_path, noise=0.02))
 
 
+def test_the_frequency_of_a_force_is_not_taken_for_a_given_one(conforms, tmp_path):
+    own, off = recordings(tmp_path, noise=0.02), heard(6.1).assign(of_sound=6.1)
+    data = shape_result(manifest(frequency_hz=None), off, own)
+    assert np.isnan(data["frequency_given"])
+    conforms.closed_form(data["other_frequency"], 4.25, atol=0.3)
+    assert "most of the motion is at 4.2" in shown(data)
+
+
 def test_another_tone_is_told(conforms, tmp_path):
     own = recordings(tmp_path, noise=0.02)
     for one in own:

@@ -194,7 +194,9 @@ def shape_result(
     more = errors.in_plane_excess(moved[:, moving], allowed[:, moving])
     wide = max(np.nan_to_num(more), 1.0)
     tone = errors.explained_share(recordings, begin, end, frequency, order)
-    errors.check_explained(tone, given)
+    asked = np.nan if excitation.frequency_hz is None else excitation.frequency_hz
+    if np.isfinite(asked):
+        errors.check_explained(tone, asked)
     jumps = [
         errors.find_jump(own, seen, omega, begin, end)
         for own, seen in zip(recordings, raw.harmonics, strict=True)
@@ -225,7 +227,7 @@ def shape_result(
         "without_camera": without,
         "without_deviation": differs,
         "frequency": frequency,
-        "frequency_given": given,
+        "frequency_given": asked,
         "frequency_of_tracks": phases.frequency,
         "frequency_deviation": phases.deviation,
         "growth": phases.growth,
