@@ -104,6 +104,13 @@ def test_variance_is_that_of_the_linearised_measurement(conforms, height):
         conforms.sampled(law, np.var(sampled), rtol=0.01)
 
 
+@pytest.mark.parametrize("displacement", [0.0, 2.3, -2.5, 40.9])
+@pytest.mark.parametrize("width", [0.0, 1e-9, 1e-5])
+def test_the_mean_over_a_narrow_range_is_the_variance_in_it(conforms, displacement, width):
+    mean = rounding.mean_difference_variance(displacement, 1, 1 + width)
+    conforms.closed_form(mean, rounding.difference_variance(displacement), atol=1e-3)
+
+
 # Noise before rounding.
 
 

@@ -105,9 +105,10 @@ def mean_difference_variance(displacement_px: ArrayLike, least: float, most: flo
 
     span = (most - least) * delta
     rise = total(most * delta) - total(least * delta)
-    # Of next to no motion f(1 − f) is the motion, and the difference of integrals rounding noise.
+    # Over a narrow range the difference of integrals is rounding noise, and f(1 − f) one value.
     small = span < 1e-6
-    return np.where(small, (least + most) / 2 * delta, rise / np.where(small, 1, span))
+    middle = difference_variance((least + most) / 2 * delta)
+    return np.where(small, middle, rise / np.where(small, 1, span))
 
 
 def deflection_variance(
