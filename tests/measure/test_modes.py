@@ -48,6 +48,13 @@ def decay():
     return truth, identify_modes(tracks(RIG, truth, lost=0.01), REST, Asked(BAND, 3))[0]
 
 
+def test_assurance_of_two_modes_is_over_the_markers_known_in_both():
+    """Of (1, 1, 1) and (1, 1, ?) it is 1, of (1, 1, 1) and (1, −1, 3) 9/33, whatever a third is."""
+    whole, part, other = np.array([[1, 1, 1], [1, 1, np.nan], [1, -1, 3]])
+    found = modal_assurance([whole, part, other])
+    np.testing.assert_allclose(found, [[1, 1, 9 / 33], [1, 1, 0], [9 / 33, 0, 1]], atol=1e-12)
+
+
 @pytest.mark.slow
 def test_modes_of_unlike_rates_and_rolling_shutters(decay):
     """The third has nearly four times the slowest camera's rate."""

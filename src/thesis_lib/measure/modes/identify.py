@@ -159,10 +159,13 @@ def modal_assurance(shapes_: ArrayLike) -> Array:
         |aᴴb|² / (aᴴa bᴴb) over the markers that are known in both.
     """
     a = np.asarray(shapes_, complex)
-    a = np.where(np.isfinite(a).all(axis=0), a, 0)
+    known = np.isfinite(a)
+    a = np.where(known, a, 0)
     cross = np.abs(a.conj() @ a.T) ** 2
+    in_each = [np.where(seen, a, 0) for seen in known]
+    power = np.array([np.diag(np.abs(b.conj() @ b.T) ** 2) for b in in_each])
     with np.errstate(invalid="ignore"):
-        return np.asarray(cross / np.outer(np.diag(cross), np.diag(cross)) ** 0.5, float)
+        return np.asarray(cross / (power * power.T) ** 0.5, float)
 
 
 def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
@@ -203,8 +206,8 @@ def _nearest_in_step(
 ) -> tuple[Poles, list[list[tuple[float, float]]]]:
     """Return each mode at that of the frequencies that frames show alike with which cameras agree.
 
-    One that is given stays. With it, for each mode: these frequencies in Hz, and the phases in rad by which cameras are out
-    of step then; the one that is taken comes first.
+    One that is given stays. With it, for each mode: these frequencies in Hz, and the phases in rad
+    by which cameras are out of step then; the one that is taken comes first.
     """
     rates = poles.rates.copy()
     frames = np.array([(len(b.times) - 1) / np.ptp(b.times) for b in blocks])
