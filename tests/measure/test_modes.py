@@ -10,6 +10,8 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
 from thesis_lib.acoustics.radiation import AIR
+from thesis_lib.measure.fitting.frequency import phase_lags
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
 from thesis_lib.measure.modes.identify import (
     Asked,
     ModalError,
@@ -25,6 +27,7 @@ from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.warnings import check_modes
 from thesis_lib.studies.cubes import complex_of
 from thesis_lib.vibration.motion import Component, fold_frequency
+from thesis_lib.vision.pinhole import project, projection_matrices
 
 RIG = rig()
 REST = rest(RIG)
@@ -35,6 +38,12 @@ def similarity(found, truth):
     """MAC of complex shapes."""
     pairs = zip(complex_of(found, "amplitude"), truth_at_zero(found, truth), strict=True)
     return [float(modal_assurance(pair)[0, 1]) for pair in pairs]
+
+
+def turned_by_half_a_right_angle(camera):
+    c = np.sqrt(0.5)
+    turn = np.array([[c, -c, 0], [c, c, 0], [0, 0, 1]])
+    return replace(camera, R_camera_world=turn @ camera.R_camera_world)
 
 
 def truth_at_zero(found, truth):
@@ -53,6 +62,29 @@ def test_assurance_of_two_modes_is_over_the_markers_known_in_both():
     whole, part, other = np.array([[1, 1, 1], [1, 1, np.nan], [1, -1, 3]])
     found = modal_assurance([whole, part, other])
     np.testing.assert_allclose(found, [[1, 1, 9 / 33], [1, 1, 0], [9 / 33, 0, 1]], atol=1e-12)
+
+
+@pytest.mark.parametrize("noisier", [1, 4])
+def test_the_errors_of_phases_are_what_draws_scatter_by(noisier):
+    """The normal is seen along both image coordinates, by a first camera that has more noise."""
+    cameras = [turned_by_half_a_right_angle(camera) for camera in RIG.cameras]
+    P, count = projection_matrices(cameras), REST.points.shape[1]
+    images = project(P, REST.points)
+    step = 1e-6 * REST.frame.R[2][:, None]  # m along the normal
+    slope = (project(P, REST.points + step) - images) / 1e-6
+    sigma = np.full_like(images, 0.05)
+    sigma[0] *= noisier
+    covariance, rng, drawn = np.zeros((3, 3, 2, count)), np.random.default_rng(0), []
+    covariance[1, 1] = covariance[2, 2] = 0.02
+    for _ in range(200):
+        real, imag = sigma * np.sqrt(0.02) * rng.standard_normal((2, *images.shape))
+        parts = zip(
+            images, real + slope * 0.002 * np.linspace(0.2, 1, count), imag, sigma, strict=True
+        )
+        own = [Harmonics(np.stack(part), covariance, noise) for *part, noise in parts]
+        turns, errors = phase_lags(Fitted(cameras, own, images, REST.frame), 10.0, np.zeros(4))
+        drawn.append(turns[1:])
+    np.testing.assert_allclose(np.std(drawn, axis=0), errors[1:], rtol=0.15)
 
 
 @pytest.mark.slow

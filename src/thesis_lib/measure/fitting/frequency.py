@@ -231,7 +231,8 @@ def phase_lags(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Arra
         against = normal * w
         turned = np.nansum(against.conj() * images / noise**2, axis=(1, 2))
         power = np.nansum(np.abs(against) ** 2 / noise**2, axis=(1, 2))
-        passed_on = np.nansum(np.abs(against) ** 2 / noise**4 * (normal**2 * own), axis=(1, 2))
+        shared = np.nansum(normal**2 / noise**2, axis=1)  # both coordinates have the error of w
+        passed_on = np.nansum((shared * np.abs(w)) ** 2 * own, axis=1)
         errors = np.sqrt(power + passed_on) / power
     return np.angle(turned), np.where(np.arange(len(images)) == 0, 0.0, errors)
 
