@@ -79,8 +79,8 @@ def disc_variance(diameter_px: float) -> float:
     """Return the variance in px² along one axis of a black-or-white disc's centroid.
 
     Over random positions of the disc on the grid, to first order in its number of pixels,
-    Σ_k J₂(πD|k|)² / (2π²|k|²) over the whole numbers k ≠ 0 of the plane: for large D the root is
-    0.215 / √D, where a single rounded coordinate has 0.289.
+    Σ_k J₂(πD|k|)² / (2π²|k|²) over the whole numbers k ≠ 0 of the plane. It goes up and down with
+    D; in the mean over large D it is (0.215)² / D, where a single rounded coordinate has (0.289)².
 
     Raises
     ------

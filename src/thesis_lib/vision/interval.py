@@ -98,7 +98,9 @@ def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Poster
     """Estimate markers that move along Z from several images: x and y are common.
 
     `uv` is (cameras, 2, frames, ...), such as the pixels at rest and deflected; `points` are then
-    (3, frames, ...), `evidence` and `feasible` (...).
+    (3, frames, ...), `evidence` and `feasible` (...). Where pixels do not agree, points are
+    those of least squares of each image by itself, and covariances those of least squares with x
+    and y in common, which are smaller.
     """
     P, uv = triangulation.check_frames(P, uv)
     if not 0 <= sigma_px < np.inf:

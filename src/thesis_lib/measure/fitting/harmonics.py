@@ -133,8 +133,8 @@ def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int 
     ----------
     omega : float
         Angular frequency of the first harmonic in rad/s.
-    times : array_like, shape (times,) or (times, ...)
-        In s.
+    times : array_like, shape (times,)
+        In s, of all series.
     values : array_like, shape (times, ...)
         Series to fit, each by itself.
     order : int

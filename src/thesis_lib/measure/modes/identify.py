@@ -56,8 +56,9 @@ def identify_modes(
     data : xarray.Dataset
         Those of :data:`VARIABLES` that tracks and rest determine. Standard errors include the
         disagreement of the cameras. ``error_of_scatter`` is independent from marker to marker, and
-        in either part. ``scale_deviation`` adds to it: a whole shape may be too large by that
-        share, and turned by as many radians.
+        in either part. ``scale_deviation`` adds to it: the whole shape of a decay may be too large
+        by that share, and turned by as many radians. Of steady tones it is 0; the shape may be
+        turned by π times ``frequency_deviation`` times the duration.
     fits : list of Fitted
         The images of each mode, from which its shape was triangulated.
 
