@@ -297,6 +297,20 @@ def test_a_sound_track_of_a_camera_has_its_clock(tmp_path):
     assert signals.read_force(manifest, tmp_path, np.array([0.0, 0.7])).delay == 0.7
 
 
+@pytest.mark.parametrize("rate", [150, 10_000])
+@pytest.mark.parametrize("at_s", [0.3007, 1.0002])
+def test_the_momentum_of_a_tap_in_a_table_is_kept(tmp_path, rate, at_s):
+    """2T/π of half a sine; it is picked at 8 times the frame rate, and slow tables are kept."""
+    t, length_s = np.arange(2 * rate) / rate, 10 / rate
+    tap = np.sin(np.pi * np.clip((t - at_s) / length_s, 0, 1))
+    np.savetxt(tmp_path / "tap.csv", np.column_stack([t, tap]), fmt="%.17g", delimiter=",")
+    manifest = manifest_for(tmp_path, file="tap.csv", full_scale_n=None)
+    found = signals.read_force(manifest, tmp_path, np.zeros(2))
+    assert rate > 1000 or np.array_equal([found.times, found.newtons], [t, tap])
+    picked = signals.at_times(found.times, found.newtons[:, None], found.rate, np.arange(150) / 80)
+    assert picked.sum() / 80 == pytest.approx(2 * length_s / np.pi, rel=0.02)
+
+
 def manifest_for(folder, **force):
     given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.0, "at_mm": [100.0, 15.0]}
     cameras = [

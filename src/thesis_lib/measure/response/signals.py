@@ -108,11 +108,12 @@ def read_force(
     given = manifest.force
     assert given is not None
     path = folder / given.file
+    wanted = FORCE_RATE_RATIO * max(camera.frame_rate_hz for camera in manifest.cameras)
     if given.is_table:
         own, newtons, source = read_force_table(path)
+        own, newtons = _reduce_table(own, newtons, wanted)
     else:
-        fastest = max(camera.frame_rate_hz for camera in manifest.cameras)
-        own, newtons = _sound(path, given, FORCE_RATE_RATIO * fastest)
+        own, newtons = _sound(path, given, wanted)
         source = f"channel {given.channel}, {given.full_scale_n:g} N at full scale"
     if not np.ptp(newtons) > 0:
         raise ForceError(f"{path}: silent, allowed: a force that changes")
@@ -120,6 +121,21 @@ def read_force(
     delay, deviation, pace = clock
     times = own * pace + delay
     return RecordedForce(times, newtons, delay, deviation, pace, f"{path.name}: {source}")
+
+
+def _reduce_table(times: Array, newtons: Array, wanted: float) -> tuple[Array, Array]:
+    """Low-pass a table's forces in N to the lowest rate above one in Hz, as a sound's are.
+
+    Beyond its ends they count as constant, so that a tap at its start is kept.
+    """
+    rate = (len(times) - 1) / float(times[-1] - times[0])
+    low = audio.common_rate([rate], wanted)
+    if low.rate == rate:
+        return times, newtons
+    even = np.interp(times[0] + np.arange(len(times)) / rate, times, newtons)
+    held = np.pad(even, round(low.cut * rate), mode="edge")
+    values = np.concatenate([np.empty(0), *low.reduce([held], rate)])
+    return times[0] + np.arange(len(values)) / low.rate, values
 
 
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
