@@ -352,6 +352,19 @@ def test_forces_and_films_that_do_not_fit_are_refused(brief):
         brief.responded(manifest.model_copy(update={"excitation": fast}))
 
 
+@pytest.mark.parametrize(
+    ("kind", "begin", "end"), [("random", 1.0, 5.2), ("free_decay", 0.5, 5.47)]
+)
+def test_the_interval_of_a_decay_does_not_cut_off_what_began_it(brief, kind, begin, end):
+    manifest = brief.asked(kind)
+    steady = manifest.excitation.model_copy(update={"steady_interval_s": (1.0, 5.2)})
+    manifest = manifest.model_copy(update={"excitation": steady})
+    data = brief.responded(manifest)
+    np.testing.assert_allclose(data["time"][[0, -1]], [begin, end], atol=0.02)
+    short = [one for one in check_response(data, manifest) if one.code == "force-short"]
+    assert len(short) == (kind == "free_decay")  # of all that was filmed
+
+
 def test_a_force_is_checked_before_anything_is_calibrated(tmp_path):
     (tmp_path / "force.csv").write_text("i,force\n" + "".join(f"{k},1\n" for k in range(200)))
     manifest = manifest_for(tmp_path, file="force.csv", full_scale_n=None)

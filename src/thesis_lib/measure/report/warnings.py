@@ -14,6 +14,7 @@ from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR, known_rms
 from thesis_lib.measure.messages import NOTE_LIMITS, Note, make_note
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Sweep
+from thesis_lib.measure.response.result import wanted_interval
 from thesis_lib.measure.response.signals import dwell_time, settling_time
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 
@@ -228,10 +229,13 @@ def no_wall_change(one: xr.Dataset) -> str:
 
 def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     """Yield the notes on motion over a force."""
-    times, (first, last) = data["time"].values, data["filmed"].values
+    times, filmed = data["time"].values, tuple(data["filmed"].values)
+    wanted = wanted_interval(manifest, filmed)
+    recorded = wanted[1] - wanted[0]
     f, drive, many = data["frequency"].values, int(data["drive"]) - 1, int(data["segments"])
-    if (covered := times[-1] - times[0]) < (1 - NOTE_LIMITS["force-short"]) * (last - first):
-        yield make_note("force-short", covered=covered, recorded=last - first)
+    if (covered := times[-1] - times[0]) < (1 - NOTE_LIMITS["force-short"]) * recorded:
+        variant = "" if wanted == filmed else "steady"
+        yield make_note("force-short", variant, covered=covered, recorded=recorded)
     at = np.array([data["x"].values[drive], data["y"].values[drive]])
     apart = 1e3 * float(np.linalg.norm(at - data["force_place"].values))
     if apart > manifest.structure.markers.diameter_mm:

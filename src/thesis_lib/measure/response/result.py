@@ -285,17 +285,28 @@ def _band(manifest: Manifest, force: signals.RecordedForce, slowest: float) -> t
     return sought.from_hz, high
 
 
+def wanted_interval(manifest: Manifest, filmed: tuple[float, float]) -> tuple[float, float]:
+    """Return from when to when motion over force is wanted, s: the steady part, or all.
+
+    That of a decay is where its modes are fitted, after the impact, without which there is no
+    motion over a force.
+    """
+    excitation = manifest.excitation
+    return filmed if excitation.behaviour.decays else excitation.steady_interval_s or filmed
+
+
 def _common(
     manifest: Manifest, force: signals.RecordedForce, filmed: tuple[float, float], low: float
 ) -> tuple[float, float]:
     """Return from when to when all cameras and the force were recorded, s."""
-    first, last = manifest.excitation.steady_interval_s or filmed
+    first, last = wanted = wanted_interval(manifest, filmed)
+    told = "the cameras recorded" if wanted == filmed else "excitation.steady_interval_s is"
     begin = max(first, filmed[0], float(force.times[0]))
     end = min(last, filmed[1], float(force.times[-1]))
     if not end - begin > MIN_PERIODS / low:
         raise ForceError(
             f"force.file: {manifest.force and manifest.force.file}: from {force.times[0]:.3f} to "
-            f"{force.times[-1]:.3f} s on the first camera's clock, and the cameras recorded from "
+            f"{force.times[-1]:.3f} s on the first camera's clock, and {told} from "
             f"{first:.3f} to {last:.3f} s, allowed: {MIN_PERIODS / low:.3g} s or more in common, "
             f"{MIN_PERIODS} periods of {low:g} Hz"
         )
