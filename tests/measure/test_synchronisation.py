@@ -14,7 +14,7 @@ from thesis_lib.measure.synchronisation.audio import (
     decimate_blocks,
     decimate_signal,
 )
-from thesis_lib.measure.synchronisation.delays import force_match
+from thesis_lib.measure.synchronisation.delays import correlation_coefficient, force_match
 from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_frames
 from thesis_lib.measure.synchronisation.tones import find_tone, frequency_deviation
 
@@ -204,6 +204,17 @@ def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(conforms, step,
 
 
 # A room.
+
+
+def test_a_correlation_is_within_1_where_an_overlap_holds_nothing():
+    """A burst at the end of one and at the start of the other, of 3 s, with silence between."""
+    burst, gap = np.random.default_rng(0).standard_normal((2, 3000)), np.zeros(9000)
+    one, other = np.concatenate([burst[0], gap]), np.concatenate([gap, burst[1]])
+    for a, b in ((one, other), (other, one), (one, one)):
+        lags, c = correlation_coefficient(1e3 * a, b, 11_000)
+        assert np.abs(c).max() <= 1 + 1e-9
+        overlap = [a[max(k, 0) : len(b) + k] for k in lags]
+        assert not np.any(c[[not one.any() for one in overlap]])
 
 
 def noise_of(rng, n, colour):

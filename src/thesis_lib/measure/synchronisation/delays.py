@@ -22,6 +22,7 @@ from thesis_lib.measure.synchronisation.audio import SynchronisationError, decim
 from thesis_lib.measure.synchronisation.tones import Interval
 
 NORMALISED_LAGS = 1 << 18  # that are normalised at once
+MIN_ENERGY_SHARE = 1e-9  # of a signal's energy; what an overlap has below that is rounding
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
 MIN_CORRELATION = 0.3  # correlation below which two recordings have nothing in common
 MIN_PEAK_SIGMAS = 5.0  # standard deviations by which one peak must beat the other
@@ -92,7 +93,8 @@ def _running(v: Array) -> tuple[Array, Array]:
 def _energy(sums: tuple[Array, Array], low: IntArray, high: IntArray) -> tuple[Array, Array]:
     """Return sum, and energy about the mean, of the samples from `low` to `high`."""
     total = sums[0][high] - sums[0][low]
-    return total, np.maximum(sums[1][high] - sums[1][low] - total**2 / (high - low), 0)
+    energy = sums[1][high] - sums[1][low] - total**2 / (high - low)
+    return total, np.where(energy > MIN_ENERGY_SHARE * sums[1][-1], energy, 0)
 
 
 def interpolate_peak(lags: IntArray, c: Array, top: int) -> float:
@@ -173,7 +175,7 @@ def _compare_signals(
     )
     tops = tops[tops != best + 1] - 1
     tops = tops[np.abs(lags[tops] - lags[best]) > least * rate]
-    if not len(tops):
+    if not len(tops) or peak <= 0:  # one peak, or nothing in common
         snr = peak / max(1 - peak, 1e-12)
         return Match(interpolate_peak(lags, c, best) / rate, peak, 0.0, 1.0, False, snr)
     overlap = shorter - np.abs(lags[best])
