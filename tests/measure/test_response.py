@@ -124,6 +124,20 @@ def test_missing_samples_are_bridged_and_gaps_are_told():
     assert np.isfinite(found[:, 0]).all()
 
 
+@pytest.mark.parametrize("lost", [4, 11])
+@pytest.mark.parametrize("late", [0.0, 0.003])
+def test_values_beyond_the_last_sample_that_is_there_are_unknown(lost, late):
+    times = np.arange(200) / 60
+    values = np.cos(2 * np.pi * 5 * (times + late))[:, None] * np.ones(2)
+    values[-lost:, 0] = values[:lost, 1] = np.nan
+    wanted = times[1:]
+    found = signals.at_times(times, values, 60.0, wanted, late)
+    there = wanted <= times[-lost - 1] + late + 1e-9, wanted >= times[lost] + late - 1e-9
+    np.testing.assert_array_equal(np.isfinite(found), np.stack(there, axis=1))
+    true = np.cos(2 * np.pi * 5 * wanted)[:, None] * np.ones(2)
+    np.testing.assert_allclose(found, np.where(np.isnan(found), np.nan, true), atol=0.1)
+
+
 # Spectra.
 
 

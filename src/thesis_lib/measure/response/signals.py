@@ -187,6 +187,7 @@ MAX_REPORTED_RATIO = 0.4
 OUT_OF_BAND_POWER_RATIO = 1e-6  # power beside the band over that in it
 QUADRATURE_NODES = 28  # of the quadrature over the band
 CHUNK_TIMES = 512  # times at once
+SAME_TIME_S = 1e-9  # s up to which two times are the same
 
 
 def at_times(
@@ -222,14 +223,18 @@ def at_times(
         s = A @ a.T  # (times, near, series)
         taken = values[index]
         known = np.isfinite(taken)
+        apart = (times[index] - t[:, None])[:, :, None] + shift
         part = np.einsum("tns,tns->ts", np.linalg.solve(S, s), np.where(known, taken, 0.0))
-        found[start : start + CHUNK_TIMES] = _mend(part, S, s, taken, known)
+        found[start : start + CHUNK_TIMES] = _mend(part, S, s, taken, known, apart)
     inside = (wanted[:, None] >= times[0] + shift) & (wanted[:, None] <= times[-1] + shift)
     return np.where(inside, found, np.nan)
 
 
-def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array:
-    """Return the estimates, repeated where samples are missing."""
+def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask, apart: Array) -> Array:
+    """Return the estimates, repeated where samples are missing.
+
+    Samples are `apart` from the time of the estimate, in s, (times, near, series).
+    """
     near, found = known.shape[1], part.copy()
     t, k = np.nonzero(~known.all(axis=1))
     if not len(t):
@@ -240,8 +245,9 @@ def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array:
     right = np.where(there, s[t, :, k], 0.0)
     weights = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
     value = np.sum(weights * np.where(there, taken[t, :, k], 0.0), axis=1)
-    half = near // 2
-    enough = (2 * there.sum(axis=1) >= near) & there[:, :half].any(1) & there[:, half:].any(1)
+    side = apart[t, :, k]
+    before, after = (there & (side <= SAME_TIME_S)).any(1), (there & (side >= -SAME_TIME_S)).any(1)
+    enough = (2 * there.sum(axis=1) >= near) & before & after
     found[t, k] = np.where(enough, value, np.nan)
     return found
 
