@@ -128,6 +128,15 @@ def test_a_bulging_disc_has_the_table_of_levels(conforms):
         conforms.independent(10 * np.log10(2 * without / wall), level, atol=0.6)
 
 
+def test_an_angle_that_no_cell_fits_is_not_estimated():
+    """Its legs are a 25th of their length; cells are a 20th, or a 14th."""
+    angle = np.array([[0, 0], [50, 0], [50, 2], [2, 2], [2, 50], [0, 50]]) / 100
+    for cells in (400, 200):
+        without, wall = both(angle, lambda x, y: 1 + 0 * x, 0.5, cells)
+        assert np.isnan(without)
+        assert wall > 0
+
+
 def test_a_stiff_disc_is_a_dipole_at_low_frequency(conforms):
     """Air resists with the mass 8ρa³/3 (H. Lamb), and W = k²F²/24πρc."""
     k = 0.05

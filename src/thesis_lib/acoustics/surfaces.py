@@ -192,10 +192,10 @@ class Screen:
         Returns
         -------
         ndarray, shape (points, points)
-            NaN where cells are too coarse for the sound's wavelength.
+            NaN where cells are too coarse for the sound's wavelength, or none fits the outline.
         """
         B, k = np.asarray(moving, float), radiation.wavenumber(omega, medium)
-        if k * self.size.max() > MAX_CELL_RAD:
+        if not self.places.size or k * self.size.max() > MAX_CELL_RAD:
             return np.full((B.shape[1], B.shape[1]), np.nan)
         apart = np.abs(self.numbers[:, :, None] - self.numbers[:, None])
         columns, rows = self.numbers.max(axis=1) + 1

@@ -86,7 +86,8 @@ def by_model(model: Model, markers: Array, radius: float, places: Array) -> Betw
     fit = np.linalg.pinv(A[:, :count])
     flat = places.reshape(2, -1)
     at = _shapes(model, _inside(model, flat, flat), waves)[:count].T
-    return Between("model", (at @ fit).reshape(*places.shape[1:], -1), A[:, :count] @ fit, count)
+    moving = (at @ fit).reshape(*places.shape[1:], markers.shape[1])
+    return Between("model", moving, A[:, :count] @ fit, count)
 
 
 def _inside(model: Model, points: Array, instead: Array) -> Array:
@@ -130,7 +131,7 @@ def by_spline(markers: Array, held: Array, places: Array) -> Between:
             every[left], unit[left], kernel="thin_plate_spline", degree=1
         )
         others[i] = without(every[[i]])[0]
-    moving = surface(places.reshape(2, -1).T).reshape(*places.shape[1:], -1)
+    moving = surface(places.reshape(2, -1).T).reshape(*places.shape[1:], n)
     return Between("spline", moving, others)
 
 
