@@ -275,6 +275,8 @@ def test_powers_of_tones_add_up_and_their_common_errors_too(steady, conforms):
     assert "energy" not in steady
     whole, each = float(steady["band_power_error"][0]), steady["power_error"].values
     conforms.closed_form(whole, above=1.05 * np.hypot(*each), below=np.sum(each))
+    conforms.invariance(steady["band_power_error"].values[1:], each, rtol=1e-6)
+    assert np.all(steady["mode_power_error"] >= SURFACE.sum_std * steady["mode_power"])
     mean = np.sum(np.abs(complex_of(steady, "pressure")) ** 2, axis=0) / 2
     level = 10 * np.log10(mean / 4e-10)
     conforms.invariance(steady["band_level"].values[0], level, atol=1e-3)

@@ -217,7 +217,8 @@ def radiate_sound(
         squares, directions = np.linalg.eigh(form)
         loud = np.sqrt(np.maximum(squares, 0))[:, None] * directions.T
         ways.append(radiation.radiation_modes(loud))
-        each = estimates.estimate_squares(ways[-1][:LISTED_RADIATION_MODES], shape)
+        found = estimates.estimate_squares(ways[-1][:LISTED_RADIATION_MODES], shape)
+        each = estimates.widen_error(found, surface.sum_std)
         rows.append(surface.pressure_matrix(B, points, omega, medium))
         here, size = rows[-1] @ shape.value, estimates.estimate_magnitude(rows[-1], shape)
         above = [
@@ -251,7 +252,7 @@ def radiate_sound(
         values |= _of_decays(tones, values["power"], values["power_error"])
     bands = group_octaves(values["frequency"])
     within = [shapes.part(places[band].ravel()) for band in bands.values()]
-    values |= _of_bands([*bands.values()], within, ways, rows)
+    values |= _of_bands([*bands.values()], within, ways, rows, surface.sum_std)
     values |= {"place": points.T, "u": planes[0].u, "z": planes[0].z, "area": surface.area}
     values |= {"plane": [plane.name for plane in planes], "axis": list("xyz"), "band": list(bands)}
     data = xr.Dataset(label_values(values, VARIABLES))
@@ -279,8 +280,12 @@ def _of_bands(
     shapes: Sequence[estimates.Amplitudes],
     ways: Sequence[Array],
     at: Sequence[ComplexArray],
+    sum_std: float,
 ) -> dict[str, Array]:
-    """Sum the sines' powers and mean squares in each band, whose errors are in common."""
+    """Sum the sines' powers and mean squares in each band, whose errors are in common.
+
+    `sum_std` is the relative error of a power by the sum over the surface, as of one sine.
+    """
     heard = np.swapaxes(at, 0, 1)[:, :, None] / np.sqrt(2)  # (points, tones, 1, markers)
     found = []
     for band, shape in zip(bands, shapes, strict=True):
@@ -289,7 +294,7 @@ def _of_bands(
         sums = [estimates.estimate_sum(one, shape) for one in each]
         found.append([(one.value, one.error) for one in sums])
     value, error = np.moveaxis(np.array(found), -1, 0)  # (bands, 1 + points)
-    power = estimates.Estimate(value[:, 0], error[:, 0])
+    power = estimates.widen_error(estimates.Estimate(value[:, 0], error[:, 0]), sum_std)
     square = estimates.Estimate(value[:, 1:], error[:, 1:])
     return {
         **_with_error("band_power", power),
