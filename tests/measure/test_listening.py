@@ -144,6 +144,16 @@ def test_the_given_steady_part_is_used(conforms, tmp_path):
     conforms.closed_form(abs(complex(*sought["force"]) / FORCE - 1), below=1e-3)
 
 
+def test_a_camera_that_was_long_there_before_the_first_has_the_same_tone(conforms, tmp_path):
+    """By its own clock half of the interval is at rest."""
+    t = np.arange(-4 * RATE, 10 * RATE) / RATE
+    sounds = [force(t[4 * RATE :]), force(t)]
+    manifest = folder_of(tmp_path, sounds, steady_interval_s=(2.0, 8.0), frequency_hz=None)
+    found = estimate_delays(manifest, tmp_path)
+    conforms.closed_form(found["delay"], [0, -4], atol=1e-4 / 60)
+    conforms.closed_form(float(found["frequency"]), FREQUENCY, rtol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("kind", "steady", "limits"),
     [("force", (2.0, 4.2), "from 0.000 to 4.000 s"),

@@ -355,7 +355,13 @@ def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: 
             track, before = audio.hold_signal(blocks, round(skip * low.rate))
             start = file.start + low.cut + before / low.rate
         part = steady and (steady[0] - start, steady[1] - start)
-        found.append(tones.find_tone(track, low.rate, recording.name, part))
+        try:
+            found.append(tones.find_tone(track, low.rate, recording.name, part))
+        except audio.SynchronisationError:
+            if not found or part is None:
+                raise
+            # The interval counts on the first one's clock; when this one started is not known yet.
+            found.append(tones.find_tone(track, low.rate, recording.name))
         (first, _), (tone, seconds) = found[0], found[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
             raise audio.SynchronisationError(
