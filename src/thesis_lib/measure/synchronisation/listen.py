@@ -366,7 +366,8 @@ def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: 
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
             raise audio.SynchronisationError(
                 f"{recording.name}: its tone has {tone:.7g} Hz, that of {recordings[0].name} "
-                f"{first:.7g} Hz, allowed: the same, to within {MAX_SLIP_TURNS / seconds:.1g} Hz"
+                f"{first:.7g} Hz, allowed: the same, to within "
+                f"{max(MAX_SLIP_TURNS / seconds, MAX_DRIFT * first):.1g} Hz"
             )
     if first >= slowest / 2:
         raise ManifestError(
