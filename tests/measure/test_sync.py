@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from command import thesis
-from scenes.sounds import claps, later
+from scenes.sounds import HeldSound, claps, later
 
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.synchronisation.alone import synchronise_videos
-from thesis_lib.measure.synchronisation.drift import drift_of
+from thesis_lib.measure.synchronisation.drift import beside_first, drift_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 
 RATE = 16000
@@ -47,6 +47,17 @@ def test_starts_and_drifts_are_the_true_ones(conforms, videos, tmp_path):
     np.testing.assert_allclose(table["starts_after_s"][1:], [b.delay, c.delay], atol=1e-6)
     assert cv2.imread(str(tmp_path / "sync" / "sync.png")).shape[1] > 900
     assert {video: video.stat().st_mtime_ns for video in videos} == before
+
+
+@pytest.mark.parametrize("rate", [16000, 22050])
+def test_a_sound_that_starts_a_minute_late_is_found_at_any_rate(conforms, rate):
+    """Of 22,050 samples a second 5 ms are no whole number: after a minute, 140 ms would be off."""
+    rng = np.random.default_rng(0)
+    loud = np.repeat(np.exp(1.2 * rng.standard_normal(600)), rate // 6)
+    sound = 0.02 * np.clip(loud, 0, 10) * rng.standard_normal(len(loud))
+    heard = sound, sound[60 * rate : 85 * rate]
+    sources = [HeldSound(str(k), None, None, one, rate) for k, one in enumerate(heard)]
+    conforms.closed_form(beside_first(sources, {1: None})[1].delay, 60, atol=2e-5)
 
 
 @pytest.mark.nightly

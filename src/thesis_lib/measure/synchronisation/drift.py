@@ -82,13 +82,14 @@ def _match_loudness(reference: Signal, other: Signal, rate: float) -> tuple[list
     a, b = (_loudness(sound, rate) for sound in (reference, other))
     most = max(len(a), len(b)) - min(len(a), len(b), round(MIN_COMMON_S / HOP_S))
     lags, c = matching.correlation_coefficient(a, b, most)
+    step = round(HOP_S * rate) / rate  # whole samples, s
     overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
     enough = overlap > round(MIN_COMMON_S / HOP_S) / 2
     height = np.where(enough, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
     highest, found = float(height.max(initial=0.0)), list[float]()
     while len(found) < MAX_CANDIDATES and height.max(initial=0.0) > MAX_SECOND_PEAK_RATIO * highest:
         top = int(np.argmax(height))
-        found.append(float(HOP_S * matching.interpolate_peak(lags, c, top)))
+        found.append(float(step * matching.interpolate_peak(lags, c, top)))
         height[np.abs(lags - lags[top]) <= round(MIN_PEAK_DISTANCE_S / HOP_S)] = 0.0
     return found, len(found) == 1 and highest >= MIN_CORRELATION_SIGMAS
 
