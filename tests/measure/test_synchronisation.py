@@ -16,7 +16,7 @@ from thesis_lib.measure.synchronisation.audio import (
 )
 from thesis_lib.measure.synchronisation.delays import correlation_coefficient, force_match
 from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_frames
-from thesis_lib.measure.synchronisation.tones import find_tone, frequency_deviation
+from thesis_lib.measure.synchronisation.tones import find_tone, frequency_deviation, settle_interval
 
 RATE = 48000
 FPS = 60
@@ -308,6 +308,15 @@ def test_a_tone_is_found_and_its_error_is_the_noise_s(conforms, frequency):
         low, rate = decimate_signal(x, 2000, 64 * frequency)
         off.append((found - frequency) / frequency_deviation(low, rate, found))
     conforms.sampled(np.sqrt(np.mean(np.square(off))), above=0.7, below=1.35)
+
+
+@pytest.mark.parametrize("share", [0.06, 0.2, 0.5, 0.9])
+def test_a_tone_is_steady_however_short_a_part_it_is(conforms, share):
+    rate, begin, end = 64 * 7.3, 5.0, 5.0 + 60 * share
+    t = np.arange(0, 60, 1 / rate)
+    x = np.sin(2 * np.pi * 7.3 * t) * np.clip(np.minimum(t - begin, end - t) / 0.3, 0, 1)
+    found = settle_interval(x + 0.003 * np.random.default_rng(0).standard_normal(len(t)), rate, 7.3)
+    conforms.closed_form(found, [begin + 0.3, min(end - 0.3, 60)], atol=0.15)
 
 
 @pytest.mark.nightly

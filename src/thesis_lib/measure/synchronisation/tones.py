@@ -17,6 +17,7 @@ Interval = tuple[float, float]
 TONE_RATE = 64  # samples per period at which a tone's phase is fitted
 MIN_SAMPLES_PER_PERIOD = 8  # samples per period from which on one is fitted
 MIN_SETTLED_PERIODS = 3  # of the settled tone that a recording must hold
+MIN_LOUD_RATIO = 0.5  # of the 95 % quantile of amplitudes, from which on one is loud
 MIN_EXPLAINED_SHARE = 0.8  # share of its variance, up to some harmonics, that the tone must explain
 MAX_FREQUENCY_ERROR = 0.01  # relative error of the frequency that is not refused
 MAX_SLIP_TURNS = 0.16  # turns over the length that are not, either
@@ -117,7 +118,8 @@ def settle_interval(x: Signal, rate: float, frequency: float) -> Interval:
 
     That is the longest part in which the tone keeps its amplitude within 15 %, less its first
     period, and less its last unless the recording ends with it. Amplitudes are those of whole
-    periods, compared with the median of the louder half.
+    periods, compared with the median of the louder half; where that leaves too few, since the tone
+    lasts for less than a quarter of the recording, with that of the loud ones alone.
     """
     period = rate / frequency
     n = round(period)
@@ -128,16 +130,20 @@ def settle_interval(x: Signal, rate: float, frequency: float) -> Interval:
     w = 2 * np.pi * np.arange(n) / period
     fit = np.linalg.pinv(np.stack([np.cos(w), np.sin(w), np.ones_like(w)], axis=1))[:2]
     amplitudes = np.array([np.hypot(*(fit @ x[e : e + n])) for e in edges])
-    loud = np.median(amplitudes[amplitudes >= np.median(amplitudes)])
-    steady = np.abs(amplitudes - loud) < 0.15 * loud
-    changes = np.diff(steady.astype(int), prepend=0, append=0)
-    starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
-    start = end = 0.0
-    if len(starts):
-        longest = int(np.argmax(ends - starts))
-        start, end = float(edges[starts[longest]] / rate), float((edges[ends[longest]] + n) / rate)
-    fades = end < len(x) / rate - 0.5 / frequency
-    return start + 1 / frequency, end - fades / frequency
+    tries = []
+    for least in (np.median(amplitudes), MIN_LOUD_RATIO * np.quantile(amplitudes, 0.95)):
+        loud = np.median(amplitudes[amplitudes >= least])
+        steady = np.abs(amplitudes - loud) < 0.15 * loud
+        changes = np.diff(steady.astype(int), prepend=0, append=0)
+        starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
+        start = end = 0.0
+        if len(starts):
+            k = int(np.argmax(ends - starts))
+            start, end = float(edges[starts[k]] / rate), float((edges[ends[k]] + n) / rate)
+        fades = end < len(x) / rate - 0.5 / frequency
+        tries.append((start + 1 / frequency, end - fades / frequency))
+    enough = (MIN_SETTLED_PERIODS - 0.1) / frequency
+    return next((one for one in tries if one[1] - one[0] > enough), tries[0])
 
 
 def check_tone(
