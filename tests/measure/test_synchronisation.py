@@ -14,7 +14,11 @@ from thesis_lib.measure.synchronisation.audio import (
     decimate_blocks,
     decimate_signal,
 )
-from thesis_lib.measure.synchronisation.delays import correlation_coefficient, force_match
+from thesis_lib.measure.synchronisation.delays import (
+    correlation_coefficient,
+    force_match,
+    room_match,
+)
 from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_frames
 from thesis_lib.measure.synchronisation.tones import find_tone, frequency_deviation, settle_interval
 
@@ -215,6 +219,25 @@ def test_a_correlation_is_within_1_where_an_overlap_holds_nothing():
         assert np.abs(c).max() <= 1 + 1e-9
         overlap = [a[max(k, 0) : len(b) + k] for k in lags]
         assert not np.any(c[[not one.any() for one in overlap]])
+
+
+@pytest.mark.parametrize("delay", [30.0, 72.0, -30.0])
+def test_a_short_recording_is_found_anywhere_in_a_long_one(conforms, delay):
+    """Of 40 s in one of 120 s; more than half of it apart from the other's start."""
+    rate, begin = 500, abs(delay) + 5
+    both = []
+    for seed, (start, seconds) in enumerate([(0, 120), (abs(delay), 40)]):
+        t = start + np.arange(seconds * rate) / rate
+        x = np.sin(2 * np.pi * 7.3 * t) * np.clip(np.minimum(t - begin, begin + 15 - t) / 0.3, 0, 1)
+        both.append(x + 0.003 * np.random.default_rng(seed).standard_normal(len(t)))
+    found = force_match(*both[:: 1 if delay > 0 else -1], rate, 7.3)
+    assert found.certain
+    conforms.closed_form(found.delay, delay, atol=1e-3)
+    noise = 0.02 * np.random.default_rng(2).standard_normal((2, 60_000))
+    heard = noise[0], noise[0, 40_000:50_000] + 0.1 * noise[1, :10_000]
+    room = room_match(*heard[:: 1 if delay > 0 else -1], 16_000)
+    assert room.certain
+    conforms.closed_form(room.delay, np.sign(delay) * 2.5, atol=1e-5)
 
 
 def noise_of(rng, n, colour):

@@ -75,6 +75,12 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
     return np.arange(first, last + 1), c
 
 
+def _overlap_at(lags: ArrayLike, a: ArrayLike, b: ArrayLike) -> Array:
+    """Return how many samples a[j + lag] and b[j] have in common at some lags."""
+    lag = np.asarray(lags)
+    return np.minimum(lag + len(np.asarray(b)), len(np.asarray(a))) - np.maximum(lag, 0)
+
+
 def _subtract_mean(v: ArrayLike) -> Array:
     """Return a copy less its mean."""
     x = np.array(v, float)
@@ -163,9 +169,15 @@ def _compare_signals(
     lowers it, `telling` the samples n in which there is anything, if not all that overlap. Peaks
     nearer than `least` s do not count; with `either_sign` one recording may be inverted, as
     microphones are.
+
+    What overlaps is at least half of the shorter recording: of two that are equally long, one may
+    start half of their length after the other, and what is further apart is not found.
     """
-    shorter = min(len(np.asarray(a)), len(np.asarray(b)))
-    lags, c = correlation_coefficient(a, b, shorter // 2)
+    shorter, longer = sorted((len(np.asarray(a)), len(np.asarray(b))))
+    least_overlap = shorter - shorter // 2
+    lags, c = correlation_coefficient(a, b, longer - least_overlap)
+    enough = _overlap_at(lags, a, b) >= least_overlap
+    lags, c = lags[enough], c[enough]
     if either_sign and -c.min() > c.max():
         c = -c
     best = int(np.argmax(c))
@@ -178,7 +190,7 @@ def _compare_signals(
     if not len(tops) or peak <= 0:  # one peak, or nothing in common
         snr = peak / max(1 - peak, 1e-12)
         return Match(interpolate_peak(lags, c, best) / rate, peak, 0.0, 1.0, False, snr)
-    overlap = shorter - np.abs(lags[best])
+    overlap = _overlap_at(lags[best], a, b)
     noise = max(1 - peak, 1e-12) / max(peak, 1e-12)
     apart = np.abs(lags[tops] - lags[best])
     scatter = MIN_PEAK_SIGMAS * 2 / np.sqrt(telling or overlap)
@@ -354,7 +366,7 @@ def room_match(reference: Signal, other: Signal, rate: float) -> Match:
     both = reference, other
     a, b = (scipy.signal.oaconvolve(x, design_whitening(x, rate), "valid") for x in both)
     whole = _compare_signals(a, b, rate, same=ROOM_SAME, by_noise=False, either_sign=True)
-    n = min(len(a), len(b)) - abs(whole.delay) * rate
+    n = _overlap_at(whole.delay * rate, a, b)
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
     if whole.certain:
         return whole

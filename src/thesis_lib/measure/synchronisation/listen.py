@@ -10,7 +10,8 @@ few kHz: memory does not grow with the length. What follows from that for long r
 
 - Delays come from spans of 2²¹ samples, nine minutes of the force's signal, two of a room's sound:
   the first in which the recordings match without doubt, of a room's those within ten minutes. The
-  recordings may start half a span apart.
+  recordings may start half a span apart, or, if they are shorter, as far as half of the shorter one
+  overlaps.
 - The tone is fitted in as many samples from the rest at the start on, two hours of 4 Hz; beyond it
   is not said to be steady.
 - One delay and one frequency serve all of a recording. Clocks of cameras differ by some 10⁻⁵: the
