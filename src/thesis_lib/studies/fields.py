@@ -78,7 +78,11 @@ def format_limit(limit: float, upper: bool = True, digits: int = 4) -> str:
     --------
     >>> format_limit(16.6667), format_limit(16.66), format_limit(3.33333, upper=False)
     ('16.66', '16.66', '3.334')
+    >>> format_limit(math.inf), format_limit(math.nan)
+    ('inf', 'nan')
     """
+    if not math.isfinite(limit):
+        return f"{limit:g}"
     step = 10.0 ** (math.floor(math.log10(limit or 1)) - digits + 1)
     steps = limit / step
     whole = math.floor(steps + 1e-9 * steps) if upper else math.ceil(steps - 1e-9 * steps)

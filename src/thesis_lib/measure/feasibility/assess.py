@@ -163,13 +163,8 @@ def _warn(code: str, where: str, variant: str = "", /, **values: object) -> Warn
     return Warning(code, where, format_message(messages.ALL_MESSAGES[code], variant, **values))
 
 
-def _format_most(value: float, upper: bool = True, digits: int = 3) -> str:
-    """Return the most, or the least, that is allowed, rounded to the side that is."""
-    return format_limit(value, upper, digits) if np.isfinite(value) else f"{value:g}"
-
-
 def _format_least(value: float, digits: int = 3) -> str:
-    return _format_most(value, upper=False, digits=digits)
+    return format_limit(value, upper=False, digits=digits)
 
 
 def _check_times(manifest: Manifest) -> Iterator[Warning]:
@@ -273,7 +268,7 @@ def _check_camera(
     ]  # fmt: skip
     for code, field, wrong, allowed in checks:
         if wrong:
-            bound = _format_most(allowed, upper=field != "f_number")
+            bound = format_limit(allowed, upper=field != "f_number", digits=3)
             known = {"camera": camera, "row": row, "allowed": bound, "blur_px": blur_px}
             known |= {"count": count, "stay": round(count * np.nan_to_num(row.in_view))}
             yield _warn(code, f"{where}.{field}", **known)
