@@ -75,7 +75,7 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
     return np.arange(first, last + 1), c
 
 
-def _overlap_at(lags: ArrayLike, a: ArrayLike, b: ArrayLike) -> Array:
+def count_overlap(lags: ArrayLike, a: ArrayLike, b: ArrayLike) -> Array:
     """Return how many samples a[j + lag] and b[j] have in common at some lags."""
     lag = np.asarray(lags)
     return np.minimum(lag + len(np.asarray(b)), len(np.asarray(a))) - np.maximum(lag, 0)
@@ -176,7 +176,7 @@ def _compare_signals(
     shorter, longer = sorted((len(np.asarray(a)), len(np.asarray(b))))
     least_overlap = shorter - shorter // 2
     lags, c = correlation_coefficient(a, b, longer - least_overlap)
-    enough = _overlap_at(lags, a, b) >= least_overlap
+    enough = count_overlap(lags, a, b) >= least_overlap
     lags, c = lags[enough], c[enough]
     if either_sign and -c.min() > c.max():
         c = -c
@@ -190,7 +190,7 @@ def _compare_signals(
     if not len(tops) or peak <= 0:  # one peak, or nothing in common
         snr = peak / max(1 - peak, 1e-12)
         return Match(interpolate_peak(lags, c, best) / rate, peak, 0.0, 1.0, False, snr)
-    overlap = _overlap_at(lags[best], a, b)
+    overlap = count_overlap(lags[best], a, b)
     noise = max(1 - peak, 1e-12) / max(peak, 1e-12)
     apart = np.abs(lags[tops] - lags[best])
     scatter = MIN_PEAK_SIGMAS * 2 / np.sqrt(telling or overlap)
@@ -366,7 +366,7 @@ def room_match(reference: Signal, other: Signal, rate: float) -> Match:
     both = reference, other
     a, b = (scipy.signal.oaconvolve(x, design_whitening(x, rate), "valid") for x in both)
     whole = _compare_signals(a, b, rate, same=ROOM_SAME, by_noise=False, either_sign=True)
-    n = _overlap_at(whole.delay * rate, a, b)
+    n = count_overlap(whole.delay * rate, a, b)
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
     if whole.certain:
         return whole

@@ -83,7 +83,7 @@ def _match_loudness(reference: Signal, other: Signal, rate: float) -> tuple[list
     most = max(len(a), len(b)) - min(len(a), len(b), round(MIN_COMMON_S / HOP_S))
     lags, c = matching.correlation_coefficient(a, b, most)
     step = round(HOP_S * rate) / rate  # whole samples, s
-    overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
+    overlap = matching.count_overlap(lags, a, b)
     enough = overlap > round(MIN_COMMON_S / HOP_S) / 2
     height = np.where(enough, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
     highest, found = float(height.max(initial=0.0)), list[float]()
