@@ -198,7 +198,7 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
     if cube.attrs["figure_set"] in _sets_with(SECOND_LARGEST):
         kinds[SECOND_LARGEST] = _point_errors(cube).isel(point=-2, drop=True)
     if {"lost", "wrong"} <= set(cube):  # of the laboratory, once for all trials
-        failures = 100 * (cube["lost"] + (1 - cube["lost"]) * cube["wrong"].fillna(0))
+        failures = _tracking_failures(cube["lost"], cube["wrong"])
         kinds["tracking_failures"] = failures.expand_dims(mode=cube["mode"], trial=[0, 1])
     found = []
     for case in dict.fromkeys(cube["case"].values.tolist()):
@@ -213,12 +213,16 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
                 for mode, part in zip(cube["mode"].values, table, strict=True)
             ]
     if "tracking_missing" in cube:
-        missing, wrong = cube["tracking_missing"], cube["tracking_wrong"].fillna(0)
-        failures = 100 * (missing + (1 - missing) * wrong)
+        failures = _tracking_failures(cube["tracking_missing"], cube["tracking_wrong"])
         widths = cube["tracked_width"].values.astype(float)
         rates = failures.values[:, None].astype(float)
         found.append(Series("tracking_failures", "tracking", 1, widths, rates))
     return found
+
+
+def _tracking_failures(missing: xr.DataArray, wrong: xr.DataArray) -> xr.DataArray:
+    """Return the markers not followed, in %: those missing, and those found that are wrong."""
+    return 100 * (missing + (1 - missing) * wrong.fillna(0))
 
 
 Key = tuple[str, str, int]  # quantity, case, mode
