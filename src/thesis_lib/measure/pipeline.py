@@ -181,8 +181,7 @@ def measure_shape(
     data, moved = fit_deflection(manifest, inputs)
     videos = [folder / camera.video for camera in manifest.cameras]
     firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
-    fixed = frequency.in_step(data, inputs.recordings)
-    seen = figures.collect_diagnostics(data, moved, manifest, fixed)
+    seen = figures.collect_diagnostics(data, moved, manifest, inputs.recordings)
     radiated, sound = _radiate(data, manifest)
     report = build.build_shape(data, seen, manifest, firsts, sound)
     own, slow = inputs.recordings[0], min(1.0, 1 / (2 * float(data["frequency"])))

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image, Mask, stack_padded
 from thesis_lib.measure.feasibility import assess, prediction
+from thesis_lib.measure.fitting.frequency import in_step
 from thesis_lib.measure.modes.poles import STANDS_OUT
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
@@ -32,13 +33,13 @@ def collect_diagnostics(
     """Collect what the figures of a report draw besides the result.
 
     From what :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``, and
-    :func:`~thesis_lib.measure.exchange.history.time_histories`. Tracks are NaN where a camera has
-    fewer frames than another.
+    :func:`~thesis_lib.measure.exchange.history.time_histories`. Clocks are
+    corrected as theirs were. Tracks are NaN where a camera has fewer frames than another.
     """
     marker = int(np.nanargmax(np.abs(data["deflection"].values)))
     begin, end = data["steady"].values
     sides, times, tracks = [], [], []
-    for own in recordings:
+    for own in in_step(data, recordings):
         t, uv = own.read_tracks(max(begin, end - MAX_FRAMES / own.rate), end)
         seen = uv[:, :, marker]
         side = int(np.nanargmax(np.nan_to_num(np.nanstd(seen, axis=0))))  # u or v, the livelier
