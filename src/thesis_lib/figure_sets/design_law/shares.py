@@ -251,7 +251,7 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
 
     lens = {"focal_px": SHARP_FOCAL_PX, "size": SHARP_SIZE_PX}
     sharp = [errors(stand, **lens) for stand in UNEQUAL_DISTANCES_M]
-    # what is asked for several times is drawn once: fewer layouts are the first of more
+    # each is drawn once: those without noise are among the first
     clean = {n: errors((CROWD_DISTANCE_M,) * n) for n in EQUIDISTANT_COUNTS}
     crowd = (CROWD_DISTANCE_M,) * NOISY_CAMERAS
     noisy = [errors(crowd, noise_px=n) if n else clean[NOISY_CAMERAS] for n in RIG_NOISES_PX]
