@@ -43,7 +43,7 @@ def synchronise_sounds(signals, rate, frequency=None, starts=None):
         HeldSound(f"recording {k}", Path(f"recording {k}"), None, signal, rate, start)
         for k, (signal, start) in enumerate(zip(signals, starts, strict=True))
     ]
-    heard = load_audio(sources, frequency, 0.0)
+    heard = load_audio(sources, frequency)
     return synchronise_cameras(sources, heard, frequency)
 
 

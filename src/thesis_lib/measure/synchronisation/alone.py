@@ -38,7 +38,7 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     if len(set(names)) < len(names):
         names = [str(video) for video in videos]
     recordings = [AudioSource(*one) for one in zip(names, videos, strict=True)]
-    load_audio(recordings, None, 0.0)  # it refuses
+    load_audio(recordings, None)  # it refuses
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
@@ -48,20 +48,8 @@ def _round_to(value: float, std: float, sign: str = "+") -> str:
     return f"{value:{sign}.{decimals}f}"
 
 
-def _format_std(std: float) -> str:
-    """Format a standard uncertainty in s with two digits, in the unit that suits it."""
-    unit, factor = ("s", 1.0) if std >= 1 else ("ms", 1e3) if std * 1e3 >= 1 else ("µs", 1e6)
-    return f"{_round_to(std * factor, std * factor, '')} {unit}"
-
-
 def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
-    """Synchronise videos, and write ``sync.csv`` and ``sync.png`` into a folder.
-
-    Returns
-    -------
-    list of str
-        What was found.
-    """
+    """Write ``sync.csv`` and ``sync.png`` into a folder; return what they say in sentences."""
     check_outputs(out, [out / "sync.csv", out / "sync.png"])
     drifts, names = synchronise_videos(videos)
     rates = (probe_media(video).frame_rate for video in videos if start_of_film(video) is not None)
@@ -90,7 +78,6 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         frame_rate=None if np.isnan(frame_rate) else frame_rate,
         is_unknown=np.isnan,
         round_to=_round_to,
-        format_std=_format_std,
         least_agreement=MIN_AGREED_SHARE,
     )
     for video, name in zip(videos, names, strict=True):

@@ -1,13 +1,9 @@
-"""Sounds of any length, read block by block, of which a bounded part is held at a time.
-
-They are compared at lower sample rates, to which they are reduced block by block, too.
-"""
+"""Sounds of any length, reduced block by block to the lower sample rates at which they are held."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
-from itertools import chain, repeat, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +14,7 @@ from thesis_lib.measure.recordings.audio import AudioTrack, open_audio
 
 Track = NDArray[np.float32]
 
-SPAN_SAMPLES = 1 << 21  # samples of each camera that are held at a time
+SPAN_SAMPLES = 1 << 21  # samples of each camera that are correlated at once
 MAX_CLIPPED_SHARE = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
 TAP_PHASES = 512  # of a sample at which the resampler's taps are tabulated: -105 dB between them
 FILTER_REACH_SAMPLES = 10  # samples that the low-pass reaches to either side
@@ -45,13 +41,7 @@ class AudioSource:
 
 
 def check_sound(sound: AudioTrack, shortest: float, name: str) -> None:
-    """Refuse a sound that is shorter than a length in s, silent or clipped, by its name.
-
-    Raises
-    ------
-    SynchronisationError
-        In one line.
-    """
+    """Refuse a sound that is shorter than a length in s, silent or clipped, by its name."""
     if not sound.samples or sound.samples < shortest * sound.rate:
         raise SynchronisationError(
             f"{name}: {sound.samples / sound.rate:.3f} s of audio, allowed: at least "
@@ -77,59 +67,9 @@ def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
             return
 
 
-def hold_signal(blocks: Iterable[Array], skip: int) -> tuple[Track, int]:
-    """Return the whole signal, or, if it is too long, `SPAN_SAMPLES` samples from `skip` on.
-
-    The second value is the number of samples before those returned.
-    """
-    parts = (np.asarray(part, np.float32) for part in part_of(blocks, 0, skip + SPAN_SAMPLES))
-    held = np.concatenate([np.empty(0, np.float32), *parts])
-    begin = skip if len(held) > SPAN_SAMPLES else 0
-    return held[begin : begin + SPAN_SAMPLES], begin
-
-
-def without_ends(blocks: Iterable[Array], n: int) -> Iterator[Array]:
-    """Yield a signal in blocks without its first and its last `n` samples."""
-    last, drop = np.empty(0), n
-    for block in blocks:
-        last = np.concatenate([last, block[drop:]])
-        drop = max(drop - len(block), 0)
-        yield last[: max(len(last) - n, 0)]
-        last = last[max(len(last) - n, 0) :]
-
-
-def joint_spans(tracks: Sequence[Iterable[Array]]) -> Iterator[list[Track]]:
-    """Yield the same `SPAN_SAMPLES` of some signals in blocks, each half a span after the last.
-
-    The first is given in any case; others while the first signal and another one last.
-    """
-    none = np.empty(0, np.float32)
-    pieces = [_signal_pieces(track, SPAN_SAMPLES // 2) for track in tracks]
-    halves = chain(zip_longest(*pieces, fillvalue=none), repeat([none] * len(tracks), 2))
-    before: Sequence[Track] = next(halves)
-    for number, after in enumerate(halves):
-        if number and not (len(after[0]) and any(map(len, after[1:]))):
-            return
-        span = [np.concatenate(pair) for pair in zip(before, after, strict=True)]
-        before = [whole[len(half) :] for whole, half in zip(span, before, strict=True)]
-        del after
-        yield span
-
-
-def _signal_pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
-    """Yield a signal in blocks as pieces of `length` samples, the last of which may be shorter."""
-    piece, size = np.empty(length, np.float32), 0
-    for block in blocks:
-        start = 0
-        while start < len(block):
-            part = block[start : start + length - size]
-            piece[size : size + len(part)] = part
-            start, size = start + len(part), size + len(part)
-            if size == length:
-                full, piece, size = [piece], np.empty(length, np.float32), 0
-                yield full.pop()  # of which nothing is kept here
-    if size:
-        yield piece[:size]
+def join_blocks(blocks: Iterable[Array]) -> Track:
+    """Return a signal that comes in blocks as a whole, in single precision."""
+    return np.concatenate([np.empty(0, np.float32), *(np.float32(block) for block in blocks)])
 
 
 def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:

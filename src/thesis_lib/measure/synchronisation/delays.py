@@ -12,6 +12,7 @@ it treats each recording by a rule that does not depend on time, and so leaves t
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -21,7 +22,6 @@ from thesis_lib.measure.synchronisation import tones
 from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
 from thesis_lib.measure.synchronisation.tones import Interval
 
-NORMALISED_LAGS = 1 << 18  # that are normalised at once
 MIN_ENERGY_SHARE = 1e-9  # of a signal's energy; what an overlap has below that is rounding
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
 MIN_CORRELATION = 0.3  # correlation below which two recordings have nothing in common
@@ -50,29 +50,18 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
     overlap would pull the peak to lag zero. Lags (lags,) are in samples, up to `most`, and the
     coefficients of the signals (samples of each,) in −1…1.
     """
-    n_x, n_y = len(np.asarray(a)), len(np.asarray(b))
-    first, last = max(-most, 1 - n_y), min(most, n_x - 1)
+    x, y = (v - v.mean() for v in (np.asarray(a, float), np.asarray(b, float)))
+    n_x, n_y = len(x), len(y)
+    lag = np.arange(max(-most, 1 - n_y), min(most, n_x - 1) + 1)
     size = 1 << (max(n_x, n_y) + most - 1).bit_length()
     size = size // 4 * 3 if max(n_x, n_y) + most <= size // 4 * 3 else size
-    product = scipy.fft.rfft(_subtract_mean(a), size)
-    other = scipy.fft.rfft(_subtract_mean(b), size)
-    product *= np.conj(other, out=other)
-    del other  # each is large
-    values = scipy.fft.irfft(product, size, overwrite_x=True)
-    del product
-    c = np.concatenate([values[first:] if first else values[:0], values[: last + 1]])
-    del values
-    sums_x, sums_y = _running(_subtract_mean(a)), _running(_subtract_mean(b))
-    for k in range(0, len(c), NORMALISED_LAGS):
-        lag = np.arange(first + k, min(first + k + NORMALISED_LAGS, last + 1))
-        low, high = np.maximum(lag, 0), np.minimum(n_y + lag, n_x)  # the overlap, in x
-        sum_x, energy_x = _energy(sums_x, low, high)
-        sum_y, energy_y = _energy(sums_y, low - lag, high - lag)
-        energy = np.sqrt(energy_x * energy_y)
-        part = slice(k, k + NORMALISED_LAGS)
-        covariance = c[part] - sum_x * sum_y / (high - low)
-        c[part] = np.divide(covariance, energy, out=np.zeros_like(energy), where=energy > 0)
-    return np.arange(first, last + 1), c
+    c = scipy.fft.irfft(scipy.fft.rfft(x, size) * np.conj(scipy.fft.rfft(y, size)), size)[lag]
+    low, high = np.maximum(lag, 0), np.minimum(n_y + lag, n_x)  # the overlap, in x
+    sum_x, energy_x = _energy(x, low, high)
+    sum_y, energy_y = _energy(y, low - lag, high - lag)
+    energy = np.sqrt(energy_x * energy_y)
+    covariance = c - sum_x * sum_y / (high - low)
+    return lag, np.divide(covariance, energy, out=np.zeros_like(energy), where=energy > 0)
 
 
 def count_overlap(lags: ArrayLike, a: ArrayLike, b: ArrayLike) -> Array:
@@ -81,26 +70,12 @@ def count_overlap(lags: ArrayLike, a: ArrayLike, b: ArrayLike) -> Array:
     return np.minimum(lag + len(np.asarray(b)), len(np.asarray(a))) - np.maximum(lag, 0)
 
 
-def _subtract_mean(v: ArrayLike) -> Array:
-    """Return a copy less its mean."""
-    x = np.array(v, float)
-    x -= x.mean()
-    return x
-
-
-def _running(v: Array) -> tuple[Array, Array]:
-    """Return sums of the values and of their squares up to each sample."""
-    first, second = np.zeros((2, len(v) + 1))
-    np.cumsum(v, out=first[1:])
-    np.cumsum(np.square(v, out=second[1:]), out=second[1:])
-    return first, second
-
-
-def _energy(sums: tuple[Array, Array], low: IntArray, high: IntArray) -> tuple[Array, Array]:
+def _energy(x: Array, low: IntArray, high: IntArray) -> tuple[Array, Array]:
     """Return sum, and energy about the mean, of the samples from `low` to `high`."""
-    total = sums[0][high] - sums[0][low]
-    energy = sums[1][high] - sums[1][low] - total**2 / (high - low)
-    return total, np.where(energy > MIN_ENERGY_SHARE * sums[1][-1], energy, 0)
+    sums, squares = (np.concatenate([[0], np.cumsum(part)]) for part in (x, np.square(x)))
+    total = sums[high] - sums[low]
+    energy = squares[high] - squares[low] - total**2 / (high - low)
+    return total, np.where(energy > MIN_ENERGY_SHARE * squares[-1], energy, 0)
 
 
 def interpolate_peak(lags: IntArray, c: Array, top: int) -> float:
@@ -168,10 +143,7 @@ def _compare_signals(
     `same` is the ratio of peaks from which on they are alike in any case, `by_noise` whether noise
     lowers it, `telling` the samples n in which there is anything, if not all that overlap. Peaks
     nearer than `least` s do not count; with `either_sign` one recording may be inverted, as
-    microphones are.
-
-    What overlaps is at least half of the shorter recording: of two that are equally long, one may
-    start half of their length after the other, and what is further apart is not found.
+    microphones are. At least half of the shorter recording has to overlap.
     """
     shorter, longer = sorted((len(np.asarray(a)), len(np.asarray(b))))
     least_overlap = shorter - shorter // 2
@@ -222,11 +194,6 @@ def phase_delays(
     The signals (samples,) have some tens of samples per period, rate and frequency are in Hz, and
     the guess (recordings,) in s is right to within half a period. `steady`, in s after the
     reference's first sample, is used instead of its settled part.
-
-    Raises
-    ------
-    SynchronisationError
-        If the recordings have less than one period of the steady tone in common.
     """
     near = guess - guess[0]
     start, end = steady or tones.settle_interval(signals[0], rate, frequency)
@@ -309,16 +276,12 @@ def _keep_transients(x: Signal, rate: float) -> tuple[Signal, int]:
     return weight.astype(np.float32), int(np.count_nonzero(weight))
 
 
-def _match_transients(
-    a: Signal, b: Signal, rate: float, same: float, least: float = 0.0, either_sign: bool = False
-) -> Match | None:
+def _match_transients(a: Signal, b: Signal, rate: float, **how: Any) -> Match | None:
     """Match what stands out in two signals by :func:`_compare_signals`; None if in doubt."""
     (loud_a, n_a), (loud_b, n_b) = (_keep_transients(x, rate) for x in (a, b))
     if not n_a or not n_b:
         return None
-    found = _compare_signals(
-        loud_a, loud_b, rate, same=same, telling=min(n_a, n_b), least=least, either_sign=either_sign
-    )
+    found = _compare_signals(loud_a, loud_b, rate, telling=min(n_a, n_b), **how)
     found = replace(found, least=MIN_ONSET_CORRELATION)
     return found if found.certain else None
 
@@ -326,11 +289,10 @@ def _match_transients(
 def force_match(reference: Signal, other: Signal, rate: float, frequency: float) -> Match:
     """Return the delay between recordings (samples,) of the force's signal, at a rate in Hz.
 
-    That is about :data:`CORRELATION_RATE`.
-
-    By correlation; where that leaves doubt, by that of the tone's onset, its end, or a clap:
-    :func:`without_tone`. Peaks within half a period of the highest do not count there, as the
-    tone's phase tells between them. The tone's frequency in Hz is known to within 1 %.
+    The rate is about :data:`CORRELATION_RATE`. By correlation; where that leaves doubt, by that of
+    the tone's onset, its end, or a clap: :func:`without_tone`. Peaks within half a period of the
+    highest do not count there, as the tone's phase tells between them. The tone's frequency in Hz
+    is known to within 1 %.
     """
     whole = _compare_signals(reference, other, rate)
     if whole.certain or tones.MIN_SAMPLES_PER_PERIOD * frequency > rate:
@@ -344,20 +306,16 @@ def force_match(reference: Signal, other: Signal, rate: float, frequency: float)
         part = tone[round(start * tone_rate) : round(end * tone_rate)]
         frequency = tones.tone_frequency(part, tone_rate, frequency)
     a, b = (without_tone(x, rate, frequency) for x in (reference, other))
-    loud = _match_transients(a, b, rate, ONSET_SAME, least=0.5 / frequency)
+    loud = _match_transients(a, b, rate, same=ONSET_SAME, least=0.5 / frequency)
     return replace(loud, snr=whole.snr) if loud else whole
 
 
 def room_match(reference: Signal, other: Signal, rate: float) -> Match:
     """Return the delay between recordings (samples,) of sound in a room, at a rate in Hz.
 
-    That is about :data:`ROOM_RATE`.
-
-    It is not certain if in doubt.
-
-    First by all that they hear, :func:`design_whitening`: certain if the highest correlation is far
-    above the 1/√n by which unlike sounds of n samples scatter, and no other comes near it. Else by
-    what stands out, as claps, which must be alike.
+    The rate is about :data:`ROOM_RATE`. First by all that they hear, :func:`design_whitening`:
+    certain if the highest correlation is far above the 1/√n by which unlike sounds of n samples
+    scatter, and no other comes near it. Else by what stands out, as claps, which must be alike.
 
     Two single knocks that are alike, each heard by one camera alone, cannot be told from one that
     both hear: several claps at irregular intervals can.
@@ -368,6 +326,7 @@ def room_match(reference: Signal, other: Signal, rate: float) -> Match:
     whole = _compare_signals(a, b, rate, same=ROOM_SAME, by_noise=False, either_sign=True)
     n = count_overlap(whole.delay * rate, a, b)
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
-    if whole.certain:
-        return whole
-    return _match_transients(a, b, rate, CLAP_SAME, either_sign=True) or whole
+    loud = (
+        None if whole.certain else _match_transients(a, b, rate, same=CLAP_SAME, either_sign=True)
+    )
+    return loud or whole

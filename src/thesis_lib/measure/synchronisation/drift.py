@@ -294,8 +294,7 @@ class _Tracks:
             with self.recordings[k].opened() as track:
                 low = self.low.reduce(track.blocks, self.rates[k])
                 part = audio.part_of(low, 0, round(MAX_COMPARED_S * self.rate))
-                blocks = [np.asarray(block, np.float32) for block in part]
-            self._read[k] = np.concatenate([np.empty(0, np.float32), *blocks])
+                self._read[k] = audio.join_blocks(part)
         return self._read[k]
 
 

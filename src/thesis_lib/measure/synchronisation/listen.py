@@ -5,24 +5,20 @@ xᵢ(t) = s(t + Tᵢ). Its *delay* is Tᵢ minus the start of the first camera, 
 xᵢ(t) = x_first(t + delayᵢ), and what happens at T appears in recording i at T − Tᵢ. A tone gives
 the frequency and the phase of the force, too.
 
-Tracks are read block by block, as often as it takes, and of each only a bounded part is held, at a
-few kHz: memory does not grow with the length. What follows from that for long recordings:
+What that means for long recordings:
 
 - Delays come from spans of 2²¹ samples, nine minutes of the force's signal, two of a room's sound:
   the first in which the recordings match without doubt, of a room's those within ten minutes. The
   recordings may start half a span apart, or, if they are shorter, as far as half of the shorter one
   overlaps.
-- The tone is fitted in as many samples from the rest at the start on, two hours of 4 Hz; beyond it
-  is not said to be steady.
 - One delay and one frequency serve all of a recording. Clocks of cameras differ by some 10⁻⁵: the
   delay is that in the middle, and the images tell the rest. A room's sounds are compared window
   by window, as ``thesis sync`` does.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -51,24 +47,17 @@ class LoadedAudio:
     """What was read of all recordings."""
 
     low: audio.LowRate  #: At which the force is measured
-    #: Of the sound of each after its first frame, s, shape (recordings,)
-    starts: Array
-    ends: Array
-    #: Of each as much as is held, at some tens of samples per period; empty without a tone, shape
-    #: (samples,)
+    starts: Array  #: Of the sound of each after its first frame, s, shape (recordings,)
+    ends: Array  #: Likewise
+    #: Of each at some tens of samples per period; empty without a tone, shape (samples,)
     tones: list[audio.Track]
     tone_rate: float  #: Sample rate of the tones in Hz
     tone_start: float  #: When the tones' first samples come after the first samples of the files, s
-    sources: tuple[str, ...]  #: Which track and channels each one's sound is, empty if all
+    sources: list[str]  #: Which track and channels each one's sound is, empty if all
 
 
-def load_audio(
-    recordings: Sequence[audio.AudioSource], frequency: float | None, skip: float
-) -> LoadedAudio:
-    """Read and check all tracks, and hold a tone of theirs.
-
-    Its frequency is in Hz, or None if there is none to hold, as in a room. It is held from `skip` s
-    on if it cannot be held from the start.
+def load_audio(recordings: Sequence[audio.AudioSource], frequency: float | None) -> LoadedAudio:
+    """Read and check all tracks, and hold their tone of a frequency in Hz; None in a room.
 
     Raises
     ------
@@ -77,14 +66,15 @@ def load_audio(
     """
     shortest = 4 * BUTTON_SOUND_S if frequency is None else 2.5 / frequency
     wanted = tones.TONE_RATE * (frequency or 0.0)
-    read = []
+    held = []
     with ExitStack() as opened:
         files = [opened.enter_context(recording.opened()) for recording in recordings]
-        rates = [file.rate for file in files]
-        low = audio.common_rate(rates, max(matching.CORRELATION_RATE, wanted))
+        low = audio.common_rate(
+            [file.rate for file in files], max(matching.CORRELATION_RATE, wanted)
+        )
         slow = audio.common_rate([low.rate], wanted or low.rate)
         for recording, file in zip(recordings, files, strict=True):
-            blocks: Iterable[Array] = ()
+            audio.check_sound(file, shortest, recording.name)
             if frequency is not None:
                 if not 0 < tones.MIN_SAMPLES_PER_PERIOD * frequency <= file.rate:
                     raise audio.SynchronisationError(
@@ -92,56 +82,54 @@ def load_audio(
                         f"{file.rate / tones.MIN_SAMPLES_PER_PERIOD:g} Hz, "
                         f"{tones.MIN_SAMPLES_PER_PERIOD} samples of the sound per period"
                     )
-                blocks = slow.reduce(low.reduce(file.blocks, file.rate), low.rate)
-            audio.check_sound(file, shortest, recording.name)
-            tone, before = audio.hold_signal(blocks, round(skip * slow.rate))
-            end = file.start + file.samples / file.rate
-            read.append((file.start, end, tone, before, file.source))
-    starts, ends, held, skipped, sources = zip(*read, strict=True)
-    later = max(skipped)
+                blocks = low.reduce(file.blocks, file.rate)
+                held.append(audio.join_blocks(slow.reduce(blocks, low.rate)))
     return LoadedAudio(
         low=low,
-        starts=np.array(starts),
-        ends=np.array(ends),
-        tones=[tone[later - before :] for tone, before in zip(held, skipped, strict=True)],
+        starts=np.array([file.start for file in files]),
+        ends=np.array([file.start + file.samples / file.rate for file in files]),
+        tones=held,
         tone_rate=slow.rate,
-        tone_start=low.cut + slow.cut + later / slow.rate,
-        sources=sources,
+        tone_start=low.cut + slow.cut,
+        sources=[file.source for file in files],
     )
 
 
 def match_recordings(
     recordings: Sequence[audio.AudioSource], frequency: float | None
 ) -> dict[int, matching.Match]:
-    """Match each recording but the first to the first.
+    """Match each recording but the first to the first, by the tone's frequency in Hz if any.
 
-    Correlation sees :data:`SPAN_SAMPLES` at a time, the same of all recordings: the first span in
-    which a recording matches without doubt counts, or else the one in which it matches best. Spans
-    overlap by half, so that what all heard is within one if they started less than that apart. In
-    a room only the first `ROOM_SPANS` are tried. :func:`load_audio` has checked the files; the
-    frequency of the force's tone is in Hz, or None of tracks that hold what microphones hear.
+    The first span in which a recording matches without doubt counts, or else the one in which it
+    matches best. Spans overlap by half, so that what all heard is within one if they started less
+    than that apart. In a room only the first `ROOM_SPANS` are tried, without the buttons' sound.
     """
-    room = frequency is None
-    wanted = matching.ROOM_RATE if room else matching.CORRELATION_RATE
-    found: dict[int, matching.Match] = {}
+    room, half = frequency is None, audio.SPAN_SAMPLES // 2
     with ExitStack() as opened:
         files = [opened.enter_context(recording.opened()) for recording in recordings]
+        wanted = matching.ROOM_RATE if room else matching.CORRELATION_RATE
         low = audio.common_rate([file.rate for file in files], wanted)
         tracks = [low.reduce(file.blocks, file.rate) for file in files]
         if room:
-            ends = round(BUTTON_SOUND_S * low.rate)
-            tracks = [audio.without_ends(track, ends) for track in tracks]
-        for span in islice(audio.joint_spans(tracks), ROOM_SPANS if room else None):
-            for i, other in enumerate(span[1:], 1):
-                if i in found and (found[i].certain or len(other) < audio.SPAN_SAMPLES // 4):
-                    continue
-                if frequency is None:
-                    match = matching.room_match(span[0], other, low.rate)
-                else:
-                    match = matching.force_match(span[0], other, low.rate, frequency)
-                found[i] = max(found.get(i, match), match, key=lambda one: (one.certain, one.peak))
-            if all(match.certain for match in found.values()):
-                break
+            edge = round(BUTTON_SOUND_S * low.rate)
+            last = (ROOM_SPANS + 1) * half + 2 * edge
+            heard = [audio.join_blocks(audio.part_of(one, edge, last))[:-edge] for one in tracks]
+        else:
+            heard = [*map(audio.join_blocks, tracks)]
+    end = min(len(heard[0]), max(map(len, heard[1:])))  # of the first one, or of all others
+    found: dict[int, matching.Match] = {}
+    for start in range(0, max(end - half, 1), half):
+        span = [one[start : start + 2 * half] for one in heard]
+        for i, other in enumerate(span[1:], 1):
+            if i in found and (found[i].certain or len(other) < half // 2):
+                continue
+            if frequency is None:
+                match = matching.room_match(span[0], other, low.rate)
+            else:
+                match = matching.force_match(span[0], other, low.rate, frequency)
+            found[i] = max(found.get(i, match), match, key=lambda one: (one.certain, one.peak))
+        if all(match.certain for match in found.values()):
+            break
     return found
 
 
@@ -159,7 +147,7 @@ class Synchronisation:
     #: Of recordings whose clocks drift too far for one delay, which is then that in the middle
     drifts: Mapping[int, Drift] = field(default_factory=dict)
     #: Which track, channels and pace each one's sound has, empty where all is as stated
-    sources: tuple[str, ...] = ()
+    sources: Sequence[str] = ()
 
     @property
     def ambiguous(self) -> bool:
@@ -202,12 +190,8 @@ def synchronise_cameras(
 
     The frequency of the force's tone is in Hz, or None for what microphones hear in a room. The
     tone is steady from `steady[0]` to `steady[1]` s after the first sample of the first one that is
-    held, or else where it has settled.
-
-    Raises
-    ------
-    MediaError, SynchronisationError
-        In one line: the recording and what is wrong with it.
+    held, or else where it has settled. A :class:`~.audio.SynchronisationError` names the recording
+    that has no such sound.
     """
     matches = match_recordings(recordings, frequency)
     drifts = {} if frequency is not None else _find_drifts(recordings, heard, matches)
@@ -281,7 +265,7 @@ def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
             found = Synchronisation(np.zeros(len(cameras)))
             begin, end = 0.0, min(float(clock_of(one, folder)[-1]) for one in cameras)
         else:
-            heard = load_audio(recordings, None, 0.0)
+            heard = load_audio(recordings, None)
             found = synchronise_cameras(recordings, heard, None)
             begin, end = _common(found, heard)
         _check_steady(manifest, begin, end)
@@ -310,9 +294,8 @@ def _hear_force(
     """Return starts, steady interval and variables of the tone from the force's signal."""
     excitation = manifest.excitation
     steady = excitation.steady_interval_s
-    skip = steady[0] if steady else excitation.rest_duration_s
-    frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings, skip)
-    heard = load_audio(recordings, frequency, skip)
+    frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings)
+    heard = load_audio(recordings, frequency)
     _check_steady(manifest, 0.0, float(heard.ends[0]))
     zero = float(heard.starts[0]) + heard.tone_start
     own = steady and (steady[0] - zero, steady[1] - zero)
@@ -342,7 +325,7 @@ def _hear_force(
     return found, steady or (begin, end), told
 
 
-def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: float) -> float:
+def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource]) -> float:
     """Return the frequency in Hz of the tone that all tracks hold."""
     steady = manifest.excitation.steady_interval_s
     slowest = min(camera.frame_rate_hz for camera in manifest.cameras)
@@ -352,9 +335,8 @@ def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: 
         with recording.opened() as file:
             low = audio.common_rate([file.rate], wanted)
             audio.check_sound(file, MIN_AUDIO_S, recording.name)
-            blocks = low.reduce(file.blocks, file.rate)
-            track, before = audio.hold_signal(blocks, round(skip * low.rate))
-            start = file.start + low.cut + before / low.rate
+            track = audio.join_blocks(low.reduce(file.blocks, file.rate))
+            start = file.start + low.cut
         part = steady and (steady[0] - start, steady[1] - start)
         try:
             found.append(tones.find_tone(track, low.rate, recording.name, part))

@@ -48,12 +48,12 @@ def fit_tone(
     return complex(fit[0], -fit[1]), float(explained / max(variance, 1e-300))
 
 
-def tone_share(signal: Signal, rate: float, frequency: float) -> float:
+def _tone_share(signal: Signal, rate: float, frequency: float) -> float:
     """Return the share of a signal's variance that a tone explains."""
     return fit_tone([signal], rate, frequency, len(signal) / rate / 2)[1]
 
 
-def strongest_frequency(
+def _strongest_frequency(
     x: Signal, rate: float, low: float, high: float, most: int | None = None
 ) -> float:
     """Return the frequency in Hz from `low` to `high` at which a signal's spectrum is highest.
@@ -80,14 +80,12 @@ def tone_frequency(x: Signal, rate: float, guess: float) -> float:
     coarse = x, rate
     if len(x) > SPECTRUM_SAMPLES:
         coarse = decimate_signal(x, rate, MIN_SAMPLES_PER_PERIOD * guess)
-    best = strongest_frequency(*coarse, low, high)
+    best = _strongest_frequency(*coarse, low, high)
     bounds = max(-resolution / 2, low - best), min(resolution / 2, high - best)
-
-    def missed(off: float) -> float:
-        return -tone_share(x, rate, best + off)
-
     found = scipy.optimize.minimize_scalar(
-        missed, bounds=bounds, options={"xatol": 1e-6 * resolution}
+        lambda off: -_tone_share(x, rate, best + off),
+        bounds=bounds,
+        options={"xatol": 1e-6 * resolution},
     )
     return best + float(found.x)
 
@@ -153,11 +151,6 @@ def check_tone(
 
     It has some tens of samples per period. The tone is sought where it has settled, or from
     `steady[0]` to `steady[1]` s after the first sample.
-
-    Raises
-    ------
-    SynchronisationError
-        With the recording's name.
     """
     start, end = settle_interval(x, rate, frequency)
     if steady is not None:
@@ -169,14 +162,17 @@ def check_tone(
         )
     part = x[round(start * rate) : round(end * rate)]
     found = tone_frequency(part, rate, frequency)
-    share = tone_share(part, rate, found)
+    share = _tone_share(part, rate, found)
     if share < MIN_EXPLAINED_SHARE:
         raise SynchronisationError(
             f"{name}: a tone near {frequency:g} Hz is {100 * share:.0f} % of the sound, allowed: "
             f"at least {100 * MIN_EXPLAINED_SHARE:g} %"
         )
     most = max(MAX_FREQUENCY_ERROR, MAX_SLIP_TURNS / ((end - start) * frequency))
-    if abs(found / frequency - 1) > most or tone_share(part, rate, frequency) < MIN_EXPLAINED_SHARE:
+    if (
+        abs(found / frequency - 1) > most
+        or _tone_share(part, rate, frequency) < MIN_EXPLAINED_SHARE
+    ):
         digits = 1 + max(0, int(np.ceil(np.log10(end - start))))
         raise SynchronisationError(
             f"excitation.frequency_hz: given {frequency:g}, but the sound of {name} has "
@@ -191,28 +187,22 @@ def find_tone(
 
     That of the highest line of the spectrum, up to an eighth of the rate; its frequency is that
     which explains most of the part in which the tone has settled, or of that from `steady[0]` to
-    `steady[1]` s after the first sample.
-
-    Raises
-    ------
-    SynchronisationError
-        If there is no such tone, or it explains too little of the sound.
+    `steady[1]` s after the first sample. A tone that explains too little of the sound is refused.
     """
     if steady is not None:
         x = x[max(round(steady[0] * rate), 0) : max(round(steady[1] * rate), 0)]
     share, guess, seconds = 0.0, 0.0, len(x) / rate
     if seconds * rate > MIN_SAMPLES_PER_PERIOD * MIN_SETTLED_PERIODS:
-        guess = strongest_frequency(
+        guess = _strongest_frequency(
             x, rate, MIN_SETTLED_PERIODS / seconds, rate / MIN_SAMPLES_PER_PERIOD, SPECTRUM_SAMPLES
         )
         tone, low_rate = decimate_signal(x, rate, TONE_RATE * guess)
-        start, end = (
-            (0.0, len(tone) / low_rate) if steady else settle_interval(tone, low_rate, guess)
-        )
+        whole = 0.0, len(tone) / low_rate
+        start, end = whole if steady else settle_interval(tone, low_rate, guess)
         if (end - start) * guess > MIN_SETTLED_PERIODS - 0.1:
             part = tone[round(start * low_rate) : round(end * low_rate)]
             guess, seconds = tone_frequency(part, low_rate, guess), end - start
-            share = tone_share(part, low_rate, guess)
+            share = _tone_share(part, low_rate, guess)
     if share < MIN_EXPLAINED_SHARE:
         raise SynchronisationError(
             f"{name}: no steady tone below {rate / MIN_SAMPLES_PER_PERIOD:g} Hz in the sound, of "
