@@ -34,9 +34,9 @@ def without(uv, views):
 
 def test_derivatives_agree_with_differences(conforms):
     R, t = default_poses()
-    network = bundle.Network(tuple(rig()), R, t)
+    network, points = bundle.Network(tuple(rig()), R, t), POINTS[None]
     for c in range(4):
-        _, J = bundle.board_images(network, network.cameras[c], POINTS)
+        _, J = bundle.board_images(network, network.cameras[c], points)
         for k, h in enumerate([1e-5] * 12 + [1e-2] * 4 + [1e-4] * 4):
             step = np.zeros(network.unknowns)
             if k < 6:
@@ -46,7 +46,7 @@ def test_derivatives_agree_with_differences(conforms):
             else:
                 step[6 * 16 + 8 * c + k - 12] = h
             sides = (bundle.step_network(network, s * step) for s in (1, -1))
-            plus, minus = (bundle.board_images(side, side.cameras[c], POINTS)[0] for side in sides)
+            plus, minus = (bundle.board_images(side, side.cameras[c], points)[0] for side in sides)
             difference = (plus - minus) / (2 * h)
             conforms.independent(J[k], difference, atol=1e-6 * np.abs(J[k]).max())
 

@@ -14,12 +14,11 @@ singular in six directions, known in closed form, and the steps keep clear of th
 constraints, a free network; Triggs et al. 2000, section 9). So errors and covariances mean
 something only with respect to a datum, what is held fixed: all cameras, or one board. Baarda's
 S-transformation takes the covariances from one to the other; the rigid motion of
-:func:`fit_alignment` does the same for the errors.
+:func:`align_cameras` does the same for the errors.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -57,13 +56,7 @@ def without_boards(cameras: Sequence[Camera]) -> Network:
 
 
 def start_network(observations: Array, points: Array, cameras: Sequence[Camera]) -> Network:
-    """Return the poses chained from image to image, the world being the first shot's board.
-
-    Raises
-    ------
-    CalibrationError
-        If a camera has no shot, a shot no camera, or they are not all connected.
-    """
+    """Return the poses chained from image to image, the world being the first shot's board."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     for camera, views in zip(cameras, seen, strict=True):
         if not views.any():
@@ -75,7 +68,7 @@ def start_network(observations: Array, points: Array, cameras: Sequence[Camera])
     views = [(int(c), int(s)) for c, s in np.argwhere(seen)]
     while pending := [(c, s) for c, s in views if (c in placed) != (s in boards)]:
         c, s = pending[0]
-        R, t = planar_pose(cameras[c], of_pictures(points, (c, s)), observations[c, s])
+        R, t = planar_pose(cameras[c], points[c, s], observations[c, s])
         if s in boards:
             Rs, ts = boards[s]
             rotation = R @ Rs.T
@@ -92,9 +85,10 @@ def start_network(observations: Array, points: Array, cameras: Sequence[Camera])
     return Network(tuple(placed[c] for c in sorted(placed)), *map(np.array, poses))
 
 
-def of_pictures(points: Array, which: Any) -> Array:
-    """Return the points (3, n) of all images, or of (cameras, shots, 3, n) those of some images."""
-    return points if points.ndim == 2 else points[which]
+def spread_points(points: Array, observations: Array) -> Array:
+    """Return the points (3, n) of all images as those of each, (cameras, shots, 3, n)."""
+    cameras, shots, _, count = observations.shape
+    return np.broadcast_to(points, (cameras, shots, 3, count))
 
 
 def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
@@ -114,12 +108,11 @@ def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]
 def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array, Array]:
     """Return the images of the boards' points in a camera, and their derivatives.
 
-    Points (3, points) or (shots, 3, points) are in the boards' frame, m, and images
-    (2, shots, points) in px; NaN behind the camera. Derivatives (20, 2, shots, points) are in the
-    camera's pose (6), the board's pose (6) and the lens (8).
+    Points (shots, 3, points) are in the boards' frame, m, and images (2, shots, points) in px; NaN
+    behind the camera. Derivatives (20, 2, shots, points) are in the camera's pose (6), the board's
+    pose (6) and the lens (8).
     """
-    which = "sij,jn->isn" if points.ndim == 2 else "sij,sjn->isn"
-    on_board = np.einsum(which, network.rotations, points)
+    on_board = np.einsum("sij,sjn->isn", network.rotations, points)
     from_centre = on_board + (network.translations - camera.centre).T[:, :, None]
     R = camera.R_camera_world
     x, y, z = np.tensordot(R, from_centre, axes=1)
@@ -169,7 +162,7 @@ def normal_equations(
     right = np.zeros(network.unknowns)
     residuals = np.full(observations.shape, np.nan)
     for c, camera in enumerate(network.cameras):
-        uv, J = board_images(network, camera, of_pictures(points, c))
+        uv, J = board_images(network, camera, points[c])
         residuals[c] = observations[c] - uv.swapaxes(0, 1)
         shots = np.flatnonzero(seen[c])
         missing = np.isnan(observations[c][shots])
@@ -255,8 +248,7 @@ class Adjustment(Network):
     #: Standard deviations of f_x, f_y, c_x, c_y (px), k₁, k₂, p₁, p₂; 0 where held fixed, shape
     #: (cameras, 8)
     deviations: Array
-    #: Of all cameras' poses, then all boards' (rotation, position; rad, m), then the lenses', up to
-    #: the choice of a datum, shape (unknowns, unknowns); see
+    #: Of all unknowns, up to the choice of a datum, shape (unknowns, unknowns); see
     #: :func:`camera_deviations`
     covariance: Array
 
@@ -291,14 +283,7 @@ def adjust_bundle(
         If a camera has no shot, a shot no camera, if either is not connected with the rest by
         common images, or if the steps do not converge.
     """
-    observations, points = np.asarray(observations, float), np.asarray(points, float)
-    expected = (len(cameras), 2, points.shape[-1])
-    given = observations.shape
-    if observations.ndim != 4 or (given[0], given[2], given[3]) != expected:
-        raise ValueError(
-            f"observations: given shape {given}, "
-            f"needs ({expected[0]}, board images, 2, {expected[2]})"
-        )
+    points = spread_points(points, observations)
     network = start_network(observations, points, cameras)
     free = np.full(network.unknowns, lenses)
     free[: POSE_UNKNOWNS * (len(cameras) + len(network.rotations))] = True
@@ -314,16 +299,9 @@ def adjust_bundle(
     sigma = float(np.sqrt(squares / freedom))
     covariance = sigma**2 * inverse
     variances = np.diag(covariance)[-LENS_UNKNOWNS * len(cameras) :]
-    return Adjustment(
-        network.cameras,
-        network.rotations,
-        network.translations,
-        residuals,
-        float(np.sqrt(squares / count)),
-        sigma,
-        np.sqrt(variances).reshape(-1, LENS_UNKNOWNS),
-        covariance,
-    )
+    deviations, rms = np.sqrt(variances).reshape(-1, LENS_UNKNOWNS), float(np.sqrt(squares / count))
+    return Adjustment(**vars(network), residuals=residuals, rms=rms, sigma=sigma,
+                      deviations=deviations, covariance=covariance)  # fmt: skip
 
 
 def _minimise_cost(observations: Array, points: Array, network: Network, free: Mask) -> Network:
@@ -365,31 +343,14 @@ def _invert_normal(
     return inverse, float(values[0])
 
 
-def fit_alignment(cameras: Sequence[Camera], truth: Sequence[Camera]) -> tuple[Array, Array]:
-    """Return the rigid motion, without change of scale, that brings cameras nearest to true ones.
-
-    Kabsch's method on the centres and the axes together: the motion minimises the sum of
-    |ΔC|² + ℓ²|Δω|², ℓ being the rms distance of the true centres from their mean and Δω the angle
-    between orientations.
-
-    Returns
-    -------
-    rotation : ndarray, shape (3, 3)
-    translation : ndarray, shape (3,)
-        From the cameras' world to the true ones', m.
-    """
-    A, B = (np.array([c.centre for c in group]) for group in (cameras, truth))
-    a, b = A.mean(axis=0), B.mean(axis=0)
-    axes = sum(q.R_camera_world.T @ p.R_camera_world for p, q in zip(cameras, truth, strict=True))
-    U, _, Vt = np.linalg.svd((B - b).T @ (A - a) + _lever_length(truth) ** 2 / 2 * axes)
-    rotation = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
-    return rotation, b - rotation @ a
-
-
 def align_cameras(
     cameras: Sequence[Camera], truth: Sequence[Camera]
 ) -> tuple[tuple[Camera, ...], Array, Array]:
-    """Return cameras in the true ones' frame, and how far they are off (:func:`fit_alignment`).
+    """Return cameras in the true ones' frame, and how far they are off.
+
+    Kabsch's method on the centres and the axes together: the rigid motion, without change of scale,
+    minimises the sum of |ΔC|² + ℓ²|Δω|², ℓ being the rms distance of the true centres from their
+    mean and Δω the angle between orientations.
 
     Parameters
     ----------
@@ -405,8 +366,12 @@ def align_cameras(
     rotations : ndarray, shape (cameras, 3)
         Errors of the orientations about the cameras' axes, rad.
     """
-    rotation, translation = fit_alignment(cameras, truth)
-    found = transform_network(without_boards(cameras), rotation, translation).cameras
+    A, B = (np.array([c.centre for c in group]) for group in (cameras, truth))
+    a, b = A.mean(axis=0), B.mean(axis=0)
+    axes = sum(q.R_camera_world.T @ p.R_camera_world for p, q in zip(cameras, truth, strict=True))
+    U, _, Vt = np.linalg.svd((B - b).T @ (A - a) + _lever_length(truth) ** 2 / 2 * axes)
+    rotation = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    found = transform_network(without_boards(cameras), rotation, b - rotation @ a).cameras
     centres = np.array([p.centre - q.centre for p, q in zip(found, truth, strict=True)])
     turns = [p.R_camera_world @ q.R_camera_world.T for p, q in zip(found, truth, strict=True)]
     return found, centres, scipy.spatial.transform.Rotation.from_matrix(turns).as_rotvec()

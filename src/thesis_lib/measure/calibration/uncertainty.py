@@ -93,10 +93,7 @@ def jackknife_cameras(
 
 
 def of_cameras(adjustment: bundle.Adjustment) -> Array:
-    """Return an adjustment's own covariance of the cameras: poses, then lenses, (14 n, 14 n).
-
-    It takes every corner for an independent witness.
-    """
+    """Return an adjustment's own covariance of the cameras: poses, then lenses, (14 n, 14 n)."""
     n = len(adjustment.cameras)
     which = bundle.camera_unknowns(np.arange(n), n, len(adjustment.rotations))
     return adjustment.covariance[np.ix_(which, which)]
@@ -127,6 +124,7 @@ def _image_contributions(
 ) -> tuple[Array, Array]:
     """Return each image's normal equations: Nₛ (shots, 14 n, 14 n) and gₛ (shots, 14 n)."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
+    points = bundle.spread_points(points, observations)
     n, shots = seen.shape
     sides = np.zeros((shots, (bundle.POSE_UNKNOWNS + bundle.LENS_UNKNOWNS) * n))
     matrices = np.zeros((*sides.shape, sides.shape[1]))
@@ -134,9 +132,8 @@ def _image_contributions(
         views = np.flatnonzero(seen[:, s])
         cameras = tuple(network.cameras[c] for c in views)
         one = bundle.Network(cameras, network.rotations[[s]], network.translations[[s]])
-        uv = observations[views][:, [s]]
-        own = bundle.of_pictures(points, np.ix_(views, np.array([s])))
-        N, g, _ = bundle.normal_equations(uv, own, one)
+        uv, X = observations[views, s : s + 1], points[views, s : s + 1]
+        N, g, _ = bundle.normal_equations(uv, X, one)
         board = bundle.POSE_UNKNOWNS * len(views) + np.arange(bundle.POSE_UNKNOWNS)
         both = np.column_stack([N, g])
         both = both - N[:, board] @ np.linalg.solve(N[np.ix_(board, board)], both[board])
@@ -185,19 +182,10 @@ def jackknife_rig(
 ) -> bundle.Adjustment:
     """Return calibrated cameras with deviations by :func:`jackknife_cameras`, lenses included.
 
-    Lenses that the adjustment held fixed are as uncertain as each camera's own images leave them,
-    or as they were before.
-
-    Parameters
-    ----------
-    corners : ndarray, shape (cameras, shots, 2, corners)
-        As of :func:`thesis_lib.measure.calibration.rig.adjust_cameras`, in px.
-    board : Board
-        The board that they are on.
-    full : Adjustment
-        Of these.
-    lens_covariance : ndarray, shape (8 n, 8 n), optional
-        Of lenses that were calibrated before; NaN where it is not known.
+    The corners (cameras, shots, 2, corners), and the adjustment `full` of these, are those of
+    :func:`~thesis_lib.measure.calibration.rig.adjust_cameras`. Lenses that it held fixed are as
+    uncertain as each camera's own images leave them, or as their covariance (8 n, 8 n) from before
+    states; NaN where that is not known.
     """
     used = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]
     points = board.corners_in_images(used)
@@ -206,19 +194,19 @@ def jackknife_rig(
     cameras = jackknife_cameras(used, points, full)
     if lens_covariance is None:
         lens_covariance = _lenses_alone(used, points, full.cameras)
-    deviations = np.sqrt(np.diag(lens_covariance)).reshape(-1, bundle.LENS_UNKNOWNS)
-    covariance = cameras.covariance
     if np.isfinite(lens_covariance).all():
-        covariance = with_lenses(used, points, full, lens_covariance, covariance)
-    return replace(cameras, covariance=covariance, deviations=deviations)
+        covariance = with_lenses(used, points, full, lens_covariance, cameras.covariance)
+        cameras = replace(cameras, covariance=covariance)
+    deviations = np.sqrt(np.diag(lens_covariance)).reshape(-1, bundle.LENS_UNKNOWNS)
+    return replace(cameras, deviations=deviations)
 
 
 def _lenses_alone(observations: Array, points: Array, cameras: Sequence[Camera]) -> Array:
     """Return the covariance of lenses that each camera's own images determine, (8 n, 8 n)."""
-    blocks = []
+    blocks, points = [], bundle.spread_points(points, observations)
     for k, camera in enumerate(cameras):
         seen = np.isfinite(observations[k]).any(axis=(1, 2))
-        uv, X = observations[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
+        uv, X = observations[k : k + 1, seen], points[k : k + 1, seen]
         alone = jackknife_cameras(uv, X, bundle.adjust_bundle(uv, X, [camera]))
         blocks.append(alone.covariance[bundle.POSE_UNKNOWNS :, bundle.POSE_UNKNOWNS :])
     return np.asarray(scipy.linalg.block_diag(*blocks))
