@@ -16,6 +16,7 @@ the part of the residual that is not symmetric about it, so that part decides wh
 """
 
 from itertools import product
+from operator import itemgetter
 from typing import Any
 
 import cv2
@@ -94,34 +95,27 @@ def _tiles_continue(image: Image, corners: Array) -> bool:
     """Return whether tiles alternate beyond those about corners (2, ny, nx), on any side."""
     _, ny, nx = corners.shape
     y, x = np.mgrid[:ny, :nx].astype(float)
-    found, _ = cv2.findHomography(np.stack([x.ravel(), y.ravel()], 1), corners.reshape(2, -1).T)
-    if found is None:
+    H, _ = cv2.findHomography(np.stack([x.ravel(), y.ravel()], 1), corners.reshape(2, -1).T)
+    if H is None:
         return False
-    H = np.asarray(found, float)
-    for length, width, across in ((nx, ny, False), (ny, nx, True)):
-        along = np.arange(-0.5, length)
-        parity = 1 - 2 * (np.arange(length + 1) % 2) * 1.0
-        parity -= parity.mean()
-        for ends in ((-0.5, -1.5), (width - 0.5, width + 0.5)):  # the last tiles, and beyond
-            rows = [np.stack([along, np.full_like(along, off)]) for off in ends]
-            rows = [row[::-1] if across else row for row in rows]
-            inner, outer = (float(parity @ _sample_grey(image, H, row)) for row in rows)
+    # Five places about the middle of each tile, those beyond the outermost ones included
+    spread = 0.2 * np.array([[-1, 1, -1, 1, 0], [-1, -1, 1, 1, 0]])
+    y, x = np.mgrid[: ny + 3, : nx + 3][..., None] - 1.5
+    x, y = x + spread[0], y + spread[1]
+    u, v, w = np.tensordot(np.asarray(H, float), np.stack([x, y, np.ones_like(x)]), axes=1)
+    column, row = (
+        np.where(w > 0, side / w - HALF_PIXEL, -9).reshape(len(w), -1).astype(np.float32)
+        for side in (u, v)
+    )
+    grey = cv2.remap(image.astype(float), column, row, cv2.INTER_NEAREST, borderValue=np.nan)
+    tiles = grey.reshape(w.shape).mean(axis=2)
+    for sides in (tiles[:, 1:-1], tiles[1:-1].T):
+        parity = (-1.0) ** np.arange(sides.shape[1])
+        outside, last, *_, other_last, beyond = sides @ (parity - parity.mean())
+        for inner, outer in ((last, outside), (other_last, beyond)):
             if -outer * np.sign(inner) > _MIN_CONTINUED_SHARE * abs(inner):
                 return True
     return False
-
-
-def _sample_grey(image: Image, H: Array, places: Array) -> Array:
-    """Average grey levels about places (2, n) of a plane; NaN where any is outside the image."""
-    spread = 0.2 * np.array([[-1, 1, -1, 1, 0], [-1, -1, 1, 1, 0]])  # of a tile, about its middle
-    points = (places[:, :, None] + spread[:, None]).reshape(2, -1)
-    u, v, w = H @ np.vstack([points, np.ones_like(points[:1])])
-    height, width = image.shape
-    column, row = np.floor(u / w), np.floor(v / w)
-    inside = (w > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    column, row = (np.where(inside, c, 0).astype(int) for c in (column, row))
-    grey = np.where(inside, image[row, column].astype(float), np.nan)
-    return np.asarray(grey.reshape(-1, spread.shape[1]).mean(axis=1))
 
 
 def _find_marks(image: Image, board: Board) -> Array:
@@ -247,21 +241,16 @@ def find_corners(image: Image, board: Board) -> Array:
     """
     if image.ndim != 2 or image.dtype != np.uint8:
         raise ValueError(f"image: given {image.dtype} of shape {image.shape}, needs uint8 (h, w)")
-    unseen, refused = list[BoardNotFound](), list[BoardNotFound]()
     plain = _find_by_quads, _find_by_reduced_quads, _find_by_sectors
-    ways = (_find_marks,) if board.mark else plain
-    for negative, find in product((False, True), ways):  # as of a board printed white on black
-        shown = 255 - image if negative else image
+    failures = []
+    for negative, find in product((False, True), (_find_marks,) if board.mark else plain):
+        shown, found = 255 - image if negative else image, None  # as of a print in white on black
         try:
             found = find(shown, board)
-        except BoardNotFound as error:
-            unseen.append(error)
-            continue
-        try:
             return _fit_grid(shown, found, board)
         except BoardNotFound as error:
-            refused.append(error)
-    raise (refused or unseen)[0]
+            failures.append((found is None, error))
+    raise min(failures, key=itemgetter(0))[1]  # the first of those of a grid that was seen, if any
 
 
 def _fit_grid(image: Image, found: Array, board: Board) -> Array:

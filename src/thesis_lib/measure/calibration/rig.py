@@ -112,18 +112,13 @@ def calibrate_camera(
             f"{name}: the board images leave the focal length uncertain by {relative:.0%}, "
             f"allowed {_LEAST_PRECISION:.0%}"
         )
-    rotations, translations = _unseen_poses(len(shots))
-    for shot, turn, move in zip(used, turns, moves, strict=True):
-        rotations[shot], translations[shot] = cv2.Rodrigues(turn)[0], np.ravel(move)
+    rotations, translations = np.full((len(shots), 3, 3), np.nan), np.full((len(shots), 3), np.nan)
+    rotations[used] = [cv2.Rodrigues(turn)[0] for turn in turns]
+    translations[used] = np.reshape(moves, (-1, 3))
     distortion = np.ravel(np.asarray(k, float))[:5]
     lens = Camera(name, ours, distortion, np.eye(3), np.zeros(3), size)
     # OpenCV's rms is per point: of the distance, not of its two coordinates.
     return Calibration(lens, rotations, translations, float(rms / np.sqrt(2)), sigma)
-
-
-def _unseen_poses(count: int) -> tuple[Array, Array]:
-    """Return rotations and translations of boards that are not found: NaN."""
-    return np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
 
 
 def central_corners(board: Board) -> IntArray:
@@ -270,15 +265,12 @@ def _chain_cameras(names: Sequence[str], points: Array, seen: Mask) -> dict[int,
         pairs = [(i, j) for i in rig for j in range(len(names)) if j not in rig]
         i, j = max(pairs, key=lambda pair: np.count_nonzero(seen[pair[0]] & seen[pair[1]]))
         shared = seen[i] & seen[j]
-        if np.count_nonzero(shared) < 2:
+        pose = None
+        if (count := np.count_nonzero(shared)) > 1:
+            pose = _fit_relative_pose(points[j, shared], points[i, shared, 0])
+        if pose is None:
             raise CalibrationError(
-                f"{names[j]}: shares {np.count_nonzero(shared)} board images with {names[i]}, "
-                "needs 2 to distinguish the board's symmetries"
-            )
-        pose, distinct = _fit_relative_pose(points[j, shared], points[i, shared, 0])
-        if not distinct:
-            raise CalibrationError(
-                f"{names[j]}: its board images with {names[i]} do not "
+                f"{names[j]}: shares {count} board images with {names[i]}, needs 2 or more that "
                 "distinguish the board's symmetries"
             )
         R, t = rig[i]
@@ -286,8 +278,8 @@ def _chain_cameras(names: Sequence[str], points: Array, seen: Mask) -> dict[int,
     return rig
 
 
-def _fit_relative_pose(source: Array, target: Array) -> tuple[Pose, bool]:
-    """Return the pose that takes points to their targets in all shots, and whether only one does.
+def _fit_relative_pose(source: Array, target: Array) -> Pose | None:
+    """Return the pose that takes points to their targets in all shots, if only one does.
 
     The points (shots, symmetries, 3, n) count under whichever symmetry brings them nearest to the
     targets (shots, 3, n). A shot can miss by no more than rigs differ, so that a bad one does not
@@ -305,7 +297,7 @@ def _fit_relative_pose(source: Array, target: Array) -> tuple[Pose, bool]:
         [_rms_distance(_move_points(pose, X) - _move_points(best, X)) > size for pose in trials]
     )
     rival = scores[other].min(initial=np.inf)
-    return best, bool(rival > _MIN_DISTINCT_RATIO * scores.min() and rival > 1e-9)
+    return best if rival > max(_MIN_DISTINCT_RATIO * scores.min(), 1e-9) else None
 
 
 def _fit_rigid_motion(points: Array, target: Array) -> Pose:
@@ -333,7 +325,9 @@ def adjust_cameras(
 ) -> tuple[Array, list[str], list[Calibration], bundle.Adjustment]:
     """Adjust all cameras together to the board's corners; call `tick` once per image.
 
-    With `lenses` of the cameras these are kept, and only their places are found.
+    With `lenses` of the cameras these are kept, and only their places are found. If the cameras
+    contradict each other by more than :data:`MAX_CONTRADICTION`, lenses stay as of each camera
+    alone.
 
     Returns
     -------
@@ -344,16 +338,7 @@ def adjust_cameras(
     single : list of Calibration
         Zhang's method, camera by camera, with all corners.
     full : Adjustment
-        All corners, intrinsics and distortion adjusted, too; but not if the cameras contradict each
-        other by more than :data:`MAX_CONTRADICTION`: lenses then stay as of each camera alone. Its
-        residuals are of all poses, its boards those of the poses that were used.
-
-    Raises
-    ------
-    CalibrationError
-        If the shots do not determine the cameras.
-    MediaError
-        If an image cannot be read.
+        Its residuals are of all poses, its boards those of the poses that were used.
     """
     board = manifest.board.board
 
@@ -372,8 +357,7 @@ def adjust_cameras(
         found = [(path, next(corners_in)) for path in row]
         refused = {path.name: str(uv) for path, uv in found if path and isinstance(uv, Exception)}
         lost += [f"{camera.name}, {file}: {why}" for file, why in refused.items()]
-        images = [None if isinstance(uv, BoardNotFound) else uv for _, uv in found]
-        shots.append(images)
+        shots.append(images := [None if isinstance(uv, BoardNotFound) else uv for _, uv in found])
         if lenses:
             single.append(pose_camera(images, board, lenses[k]))
             continue
@@ -406,17 +390,17 @@ def _describe_refusals(refused: Mapping[str, str], manifest: Manifest) -> str:
         return ""
     kinds = {file: re.sub(r"[0-9.]+", "", why) for file, why in refused.items()}
     kind, count = Counter(kinds.values()).most_common(1)[0]
-    first = next(file for file, other in kinds.items() if other == kind)
-    tiles = f"{manifest.board.kind} of {manifest.board.columns} × {manifest.board.rows} tiles"
+    file = next(file for file, other in kinds.items() if other == kind)
+    board = manifest.board
     return (
-        f" ({count} of {len(refused)} refused images for one reason, as {first}: {refused[first]}; "
-        f"is the board a {tiles}?)"
+        f" ({count} of {len(refused)} refused images for one reason, as {file}: {refused[file]}; "
+        f"is the board a {board.kind} of {board.columns} × {board.rows} tiles?)"
     )
 
 
 def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:
     """Return a camera with a known lens, and the board's pose in each of its calibration images."""
-    rotations, translations = _unseen_poses(len(shots))
+    rotations, translations = np.full((len(shots), 3, 3), np.nan), np.full((len(shots), 3), np.nan)
     for shot, uv in enumerate(shots):
         if uv is not None:
             rotations[shot], translations[shot] = bundle.planar_pose(lens, board.corners, uv)
