@@ -33,15 +33,7 @@ PRIOR_WEIGHTS = (discs.NOISE_GREY / PRIOR_STD) ** 2
 
 
 class Table:
-    """Linear models of the grey levels around markers and hole, by a frame of these at rest.
-
-    Raises
-    ------
-    MemoryError
-        If the table would be larger than :data:`MAX_TABLE_BYTES`.
-    ValueError
-        If the lens shows a marker nowhere.
-    """
+    """Linear models of the grey levels around markers and hole, by a frame of these at rest."""
 
     def __init__(self, view: homography.View, image: Image) -> None:
         markers, plane = view.markers, view.markers.positions
@@ -124,13 +116,7 @@ class Table:
 
 
 class Follower:
-    """Follows the markers of one camera, frame after frame; see :class:`Tracker`.
-
-    Attributes
-    ----------
-    moved, before : ndarray, shape (2, markers and hole)
-        Displacements in px in the last frame, NaN where missing, and in the one before it.
-    """
+    """Follows the markers of one camera, frame after frame; see :class:`Tracker`."""
 
     def __init__(self, tracker: discs.Tracker, image: Image) -> None:
         self.tracker, self.view = tracker, tracker.view
@@ -145,8 +131,8 @@ class Follower:
         radius = self.view.markers.diameter / 2 * self.view.stretch(tracker.grid)
         distance, _ = scipy.spatial.KDTree(self.rest.T).query(self.rest.T, k=2)
         self.safe = (distance[:, 1] - np.linalg.norm(radius, axis=(0, 1))) / 4
-        self.moved = np.zeros_like(self.rest)
-        self.before = np.zeros_like(self.rest)
+        # Displacements in px in the last frame, NaN where missing, and in the one before it
+        self.moved, self.before = np.zeros((2, *self.rest.shape))
 
     def centres(self, image: Image) -> Array:
         """Return the markers' centres in px, (2, markers), without the hole; NaN where missing.
@@ -190,16 +176,10 @@ def trackers_of(
     :func:`~.homography.view_of`. `turn` is the angle of the vibration from frame to frame in rad; 0
     if it is not known. There is a tracker for each of the `shares` of their width to which frames
     are reduced: at each the markers are looked for again, but the corners are those of the full
-    frames. Without any a :class:`Follower` follows them in the full frames.
-
-    Notes tell at which width the markers are not found as they should be, and why.
-
-    Raises
-    ------
-    TrackingError
-        If the structure or its markers are not found in the full frame.
+    frames. Without any a :class:`Follower` follows them in the full frames. Notes tell at which
+    width the markers are not found as they should be, and why.
     """
-    view, notes = first_view(image, camera, markers, corners_px), []
+    view, notes = _first_view(image, camera, markers, corners_px), []
     if not shares:
         return [Follower(discs.Tracker(view, turn), image)], []
     trackers: list[discs.Tracker] = []
@@ -236,27 +216,11 @@ def reduce_frame(image: Image, width: int) -> Image:
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def first_view(
+def _first_view(
     image: Image, camera: Camera, markers: Markers, corners_px: Sequence[tuple[float, float]] | None
 ) -> homography.View:
-    """Estimate the camera's view of the structure in its first frame, from corners and markers.
-
-    Corners that are not given are looked for in the frame as it is, then with even light.
-
-    Raises
-    ------
-    TrackingError
-        If either are not found.
-    """
-    if corners_px is not None:
-        corners = undistort_pixels(camera, np.array(corners_px, float).T)
-        return discs.sharpen_view(image, homography.view_of(camera, markers, corners))
-    failures: list[homography.TrackingError] = []
-    for even in homography.even_light(image):
-        try:
-            return discs.sharpen_view(image, homography.find_view(even, camera, markers))
-        except homography.TrackingError as error:
-            failures.append(error)
-        if markers.hole is None:  # nothing tells the ends apart in any light
-            break
-    raise failures[0]
+    """Estimate the camera's view of the structure in its first frame, from corners and markers."""
+    if corners_px is None:
+        return discs.sharpen_view(image, homography.find_view(image, camera, markers))
+    corners = undistort_pixels(camera, np.array(corners_px, float).T)
+    return discs.sharpen_view(image, homography.view_of(camera, markers, corners))

@@ -8,6 +8,7 @@ least-squares fit of a blurred ellipse whose shape the homography tells. What is
 or doubtful comes back as NaN.
 """
 
+import contextlib
 from dataclasses import replace
 from functools import cache
 
@@ -42,10 +43,7 @@ cached_rule = cache(np.polynomial.legendre.leggauss)
 def sharpen_view(image: Image, view: View) -> View:
     """Return the view with the homography of all markers at rest, and the blur that fits them best.
 
-    Raises
-    ------
-    TrackingError
-        If fewer than half of the markers are found, or they do not fit their grid.
+    A :class:`TrackingError` says that fewer than half are found, or do not fit their grid.
     """
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
@@ -96,9 +94,8 @@ def _fit_blur(image: Image, view: View, found: Array) -> float:
 
     if misfit(view.blur) == 1e3:
         return view.blur
-    return float(
-        scipy.optimize.minimize_scalar(misfit, bounds=BLUR_RANGE_PX, options={"xatol": 0.01}).x
-    )
+    best = scipy.optimize.minimize_scalar(misfit, bounds=BLUR_RANGE_PX, options={"xatol": 0.01})
+    return float(best.x)
 
 
 def gate_of(markers: Markers) -> float:
@@ -118,10 +115,6 @@ class Tracker:
 
     Attributes
     ----------
-    scale : float
-        Pixels per metre of the resampled beam.
-    reach : float
-        How far beyond the beam it is resampled, m.
     matched : ndarray, shape (2, markers)
         Centres in px by template matching alone, to whole pixels of the resampled frame, for the
         last frame given to :meth:`centres`; NaN where missing.
@@ -135,8 +128,8 @@ class Tracker:
     def __init__(self, view: View, turn: float = 0.0) -> None:
         self.view, self.turn = view, turn
         markers = view.markers
-        self.scale = PIXELS_PER_MARKER / markers.diameter
-        self.reach = SEARCH_DIAMETERS * markers.diameter
+        self.scale = PIXELS_PER_MARKER / markers.diameter  # px/m of the resampled beam
+        self.reach = SEARCH_DIAMETERS * markers.diameter  # beyond the beam, m
         self.origin = np.full(2, -self.reach) + 0.5 / self.scale
         nx, ny = (int(self.scale * (size + 2 * self.reach)) for size in markers.extent)
         if nx * ny > MAX_RESAMPLED_PIXELS:
@@ -205,19 +198,14 @@ def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
     ones stay as they were in the frame before.
     """
     known = np.isfinite(seen[0])
-    if known.all():
-        return seen
-    if np.count_nonzero(known) < 8:
-        return np.where(known, seen, last)
-    try:
+    filled = np.where(known, seen, last)
+    if known.all() or np.count_nonzero(known) < 8:
+        return filled
+    with contextlib.suppress(np.linalg.LinAlgError):
         smooth = scipy.interpolate.RBFInterpolator(
             grid[:, known].T, seen[:, known].T, neighbors=12, smoothing=1e-9
         )
-        surface = smooth(grid[:, ~known].T).T
-    except np.linalg.LinAlgError:
-        return np.where(known, seen, last)
-    filled = seen.copy()
-    filled[:, ~known] = surface
+        filled[:, ~known] = smooth(grid[:, ~known].T).T
     return filled
 
 

@@ -92,25 +92,10 @@ def record_track(
 
     The video is in the manifest's folder; `clock` (frames,) are the times of its frames after the
     first, s. Centres go to `path` (``.npy``). `tick` is called with the number of frames that are
-    done.
-
-    `turn` and `shares` are those of :func:`~.follow.trackers_of`. With shares the file holds
+    done. `turn` and `shares` are those of :func:`~.follow.trackers_of`. With shares the file holds
     (frames, 2 shares, 2, markers): the centres at each width, then those by the template match
-    alone, where Appendix F stops.
-
-    Returns
-    -------
-    notes : list of str
-        Those of :func:`~.follow.trackers_of`.
-    repeats : ndarray
-        Numbers of the frames that repeat the one before.
-
-    Raises
-    ------
-    MediaError
-        If the video cannot be read.
-    TrackingError
-        If the structure or its markers are not found in the first frame.
+    alone, where Appendix F stops. Returned are the notes of :func:`~.follow.trackers_of`, and the
+    numbers of the frames that repeat the one before.
     """
     video = folder / files.video
     first = homography.as_dark(next(media.read_frames(video, 0, 1)), markers)
@@ -146,7 +131,4 @@ def record_track(
 
 def share_lost(recording: Recording) -> Array:
     """Return the share of the frames in which each marker is missing, shape (markers,)."""
-    missing, count = np.zeros(recording.centres.shape[2]), len(recording.centres)
-    for start in range(0, count, CHUNK_FRAMES):
-        missing += np.isnan(recording.centres[start : start + CHUNK_FRAMES, 0]).sum(axis=0)
-    return missing / count
+    return np.isnan(recording.centres[:, 0]).mean(axis=0)
