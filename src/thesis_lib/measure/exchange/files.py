@@ -43,17 +43,9 @@ def write_formats(
 ) -> None:
     """Write a measurement into a folder, in each format of what it holds.
 
-    Parameters
-    ----------
-    folder : Path
-        A folder that is there.
-    data : xarray.Dataset
-        What ``shape_result``, ``modes_result`` or ``estimate_response`` returns.
-    moved : xarray.Dataset, optional
-        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns; of a shape it is
-        needed.
-    recordings : sequence of Recording
-        The cameras, in the frame of the calibration.
+    That is what ``shape_result``, ``modes_result`` or ``estimate_response`` returns; what
+    :func:`~.history.time_histories` returns of it, for a shape in any case; and the cameras, in the
+    frame of the calibration.
     """
     if moved is not None:
         storage.write_netcdf(moved, folder / "motion.nc")
@@ -83,42 +75,29 @@ def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     """Write shapes and motion as two structures, ``shape`` in SI units and ``motion`` in mm.
 
     Fields have the names of ``measured.nc`` and ``motion.nc``, and dimensions in the same order;
-    ``shape.amplitude`` is complex, ``units`` has the unit of every field.
+    ``shape.amplitude`` is complex, ``units`` has the unit of every field. Texts become cells.
     """
-    amplitude = complex_of(data, "amplitude")
-    values = {
-        "shape": _matlab_fields(data) | {"amplitude": amplitude},
-        "motion": _matlab_fields(moved),
-    }
+    values: dict[str, dict[str, object]] = {}
+    for what, of in (("shape", data), ("motion", moved)):
+        values[what] = {
+            str(name): one.values.astype(object) if one.dtype.kind in "OSU" else one.values
+            for name, one in of.variables.items()
+        }
+        units = {str(name): str(one.attrs.get("units", "")) for name, one in of.variables.items()}
+        values[what]["units"] = units
+    values["shape"]["amplitude"] = complex_of(data, "amplitude")
     scipy.io.savemat(path, values, do_compression=True, long_field_names=True, oned_as="column")
-
-
-def _matlab_fields(data: xr.Dataset) -> dict[str, object]:
-    """Return the variables by name, with what MATLAB keeps: numbers, and texts as cells."""
-    units = {str(name): str(v.attrs.get("units", "")) for name, v in data.variables.items()}
-    fields = {
-        str(name): v.values.astype(object) if v.dtype.kind in "OSU" else v.values
-        for name, v in data.variables.items()
-    }
-    return fields | {"units": units}
 
 
 # Which markers are neighbours, and one period of their motion as grids for ParaView.
 
 
 def marker_faces(x: ArrayLike, y: ArrayLike) -> IntArray:
-    """Return the faces between markers, counted from 0, with corners in one sense of rotation.
+    """Return the faces between markers, from 0, with corners in one sense of rotation.
 
-    Parameters
-    ----------
-    x, y : array_like, shape (markers,)
-        Places in m.
-
-    Returns
-    -------
-    ndarray of int, shape (faces, 4) or (faces, 3)
-        Rectangles if the markers fill a grid of rows and columns, else triangles (Delaunay) without
-        those that span a gap; none if all markers stand on one line.
+    Places x and y (markers,) are in m. Faces are rectangles (faces, 4) if the markers fill a grid
+    of rows and columns, else triangles (faces, 3) (Delaunay) without those that span a gap; none if
+    all markers stand on one line.
     """
     points = np.column_stack([np.asarray(x, float), np.asarray(y, float)])
     column, row = (_classes(values) for values in points.T)
@@ -327,12 +306,6 @@ def _responses(name: str, times: Array, rows: Array) -> Iterator[dict[str, Any]]
             ordinate_axis_units_lab="m", orddenom_spec_data_type=0)  # fmt: skip
 
 
-def _even_step(x: Array) -> float:
-    """Return the step of times or frequencies that rise evenly; 0 if they do not."""
-    step = float(x[-1] - x[0]) / (len(x) - 1)
-    return step if np.all(np.abs(np.diff(x) - step) < MAX_UNEVENNESS * step) else 0.0
-
-
 def _function_set(
     name: str, node: int, x: Array, row: Array | ComplexArray, **kind: Any
 ) -> dict[str, Any]:
@@ -345,23 +318,20 @@ def _function_set(
     return made
 
 
+def _even_step(x: Array) -> float:
+    """Return the step of times or frequencies that rise evenly; 0 if they do not."""
+    step = float(x[-1] - x[0]) / (len(x) - 1)
+    return step if np.all(np.abs(np.diff(x) - step) < MAX_UNEVENNESS * step) else 0.0
+
+
 def sep005_channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
     """Return the deflections of the markers as SEP 5 dictionaries, one for each.
 
     Python's vibration packages hand them to each other; `SDyPy's proposal 5
-    <https://github.com/sdypy/sdypy/blob/main/docs/seps/sep-0005.rst>`_ says which keys they have.
-
-    Parameters
-    ----------
-    motion : Path or xarray.Dataset
-        ``motion.nc`` of a measurement, or what is in it.
-
-    Returns
-    -------
-    list of dict
-        ``name``, ``data`` (times,) in ``unit_str``, which is m, ``quantity`` "d" (displacement),
-        ``fs`` in Hz or, if the frames were not taken at even times, ``time`` in s;
-        ``start_timestamp`` is not known. Markers that are never seen are left out.
+    <https://github.com/sdypy/sdypy/blob/main/docs/seps/sep-0005.rst>`_ says which keys they have:
+    ``name``, ``data`` (times,) in ``unit_str``, which is m, ``quantity`` "d" (displacement), ``fs``
+    in Hz or, if the frames were not taken at even times, ``time`` in s. Markers that are never seen
+    are left out. `motion` is ``motion.nc`` of a measurement, or what is in it.
 
     Examples
     --------

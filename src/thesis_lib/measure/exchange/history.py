@@ -39,14 +39,8 @@ def time_histories(
 ) -> xr.Dataset:
     """Return the time histories of all markers, while all cameras recorded.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``.
-    recordings : sequence of Recording
-        The cameras and their tracks.
-    rest_duration_s : float
-        How long every camera sees the structure at rest at its start, s.
+    `data` is what :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``;
+    every camera sees the structure at rest for `rest_duration_s` at its start.
 
     Returns
     -------
