@@ -41,14 +41,14 @@ CALIBRATION_KINDS = (
     "YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"
 )
 MIN_MILLIMETRE_SPAN_M = 100.0  # m between cameras, from which on lengths are taken for millimetres
-_BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan"}  # all the same one
+# All the same one, the last without more than five coefficients
+_BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan", "rational_polynomial"}
 _NAMES_FILE = Path(__file__).with_name("camera_names.toml")
 _NAMES: dict[str, list[str]] = tomllib.loads(_NAMES_FILE.read_text(encoding="utf-8"))
 # Focal lengths over an image's width: a fisheye lens has 0.3, the longest telephoto lens 250
 _MIN_FOCAL, _MAX_FOCAL = 0.02, 2000
 _MAX_SIDE_PX = 100_000
-_AXES_TEXT = "allowed: x right, y down"
-_OTHER_MODELS = {8: "rational", 12: "thin prism", 14: "tilted"}  # by their number of coefficients
+_AXES_TEXT = "x right, y down, and not mirrored"
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,10 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     ManifestError
         In one line, if the calibration cannot be read, or has cameras that cannot be used.
     """
+    files = [path]
     if path.is_dir():
-        if (path / OWN_FILE).is_file():
-            return read_cameras(path / OWN_FILE)
-        files = sorted(one for one in path.iterdir() if one.suffix.lower() in FILE_SUFFIXES[:-1])
-    else:
-        files = [path]
+        texts = sorted(one for one in path.iterdir() if one.suffix.lower() in FILE_SUFFIXES[:-1])
+        files = [path / OWN_FILE] if (path / OWN_FILE).is_file() else texts
     if not files or not all(map(Path.is_file, files)):
         raise ManifestError(f"{path}: no calibration there, allowed: {', '.join(FILE_SUFFIXES)}")
     if files[0].suffix.lower() == ".nc":
@@ -197,47 +195,41 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
         return next((entry[one] for one in _NAMES[what] if entry.get(one) is not None), None)
 
     K = _numbers(first_given("matrix"), "camera_matrix", (9,)).reshape(3, 3)
-    if K[0, 0] < 0 or K[1, 1] < 0:
-        raise ValueError(f"mirrored axes (a negative focal length), {_AXES_TEXT}")
-    if not (K[0, 0] and K[1, 1] and np.allclose(K[2], [0, 0, 1]) and abs(K[1, 0]) < 1e-9):
-        raise ValueError(
-            f"camera_matrix: given {format_given(K.tolist())}, allowed: an intrinsic matrix"
-        )
-    K[:2, 2] += HALF_PIXEL
     size = first_given("size") or [first_given("width"), first_given("height")]
     width, height = _numbers(size, "image_width and image_height", (2,))
-    if not (0 < width <= _MAX_SIDE_PX and 0 < height <= _MAX_SIDE_PX):
+    focal = K[[0, 1], [0, 1]] / max(width, 1)
+    if not (
+        np.allclose(K[2], [0, 0, 1])
+        and abs(K[1, 0]) < 1e-9
+        and (min(width, height) > 0 and max(width, height) <= _MAX_SIDE_PX)
+        and (focal.min() > _MIN_FOCAL and focal.max() < _MAX_FOCAL)
+    ):
         raise ValueError(
-            f"given {width:.6g} × {height:.6g} px, allowed: sides of 1 to {_MAX_SIDE_PX} px"
+            f"camera_matrix: given {format_given(K.tolist())} for {width:.6g} × {height:.6g} px, "
+            f"allowed: sides up to {_MAX_SIDE_PX} px, focal lengths of {_MIN_FOCAL} to "
+            f"{_MAX_FOCAL} widths, {_AXES_TEXT}"
         )
-    if not all(_MIN_FOCAL < focal / width < _MAX_FOCAL for focal in (K[0, 0], K[1, 1])):
-        raise ValueError(
-            f"focal lengths {K[0, 0]:.4g} and {K[1, 1]:.4g} px, allowed: {_MIN_FOCAL} to "
-            f"{_MAX_FOCAL} widths of the image"
-        )
+    K[:2, 2] += HALF_PIXEL
     turn, move = first_given("rotation"), first_given("translation")
     placed = turn is not None and move is not None
     R, t = np.eye(3), np.zeros(3)
     if placed:
         given = _numbers(turn, "rotation", (3, 9))
         R = given.reshape(3, 3) if given.size == 9 else np.asarray(cv2.Rodrigues(given)[0], float)
-        if not np.allclose(R @ R.T, np.eye(3), atol=1e-4):
-            raise ValueError("rotation: no rotation matrix, allowed: nine or three numbers of one")
-        if np.linalg.det(R) < 0:
-            raise ValueError(f"mirrored axes (a rotation of determinant -1), {_AXES_TEXT}")
+        if not np.allclose(R @ R.T, np.eye(3), atol=1e-4) or np.linalg.det(R) < 0:
+            raise ValueError(
+                f"rotation: given {format_given(given.tolist())}, allowed: nine or three numbers "
+                f"of a rotation, {_AXES_TEXT}"
+            )
         t = scale * _numbers(move, "translation", (3,))
-    allowed = "allowed: k1, k2, p1, p2, k3 (Brown)"
-    model = str(first_given("model") or "").lower()
-    if first_given("fisheye"):
-        model = "fisheye"
+    model = "fisheye" if first_given("fisheye") else str(first_given("model") or "").lower()
     lens = first_given("distortion")
     values = np.zeros(5) if lens is None else _numbers(lens, "distortion_coefficients", ())
-    count, extra = values.size, bool(values[5:].any())
-    if model not in _BROWN_MODELS and (model != "rational_polynomial" or extra):
-        raise ValueError(f"distortion model {format_given(model)}, {allowed}")
-    if extra or count not in (0, 4, 5, *_OTHER_MODELS):
-        named = f" ({_OTHER_MODELS[count]} model)" if count in _OTHER_MODELS else ""
-        raise ValueError(f"{count} coefficients of distortion{named}, {allowed}")
+    if model not in _BROWN_MODELS or values.size in (1, 2, 3) or values[5:].any():
+        raise ValueError(
+            f"distortion model {format_given(model)} with {values.size} coefficients, allowed: "
+            "k1, k2, p1, p2, k3 (Brown)"
+        )
     distortion = np.concatenate([values, np.zeros(5)])[:5]
     return Camera(name, K, distortion, R, -R.T @ t, (int(width), int(height))), placed
 
@@ -256,21 +248,6 @@ def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
     return values
 
 
-def _describe_camera(camera: Camera) -> dict[str, object]:
-    """Return the values of a camera as files have them, its name in quotes and lengths in m."""
-    K = camera.K.copy()
-    K[:2, 2] -= HALF_PIXEL
-    return {
-        # In quotes of JSON, which TOML and YAML share: a plain null or yes is no text in YAML
-        "name": json.dumps(camera.name, ensure_ascii=False),
-        "size": list(camera.size),
-        "matrix": K.tolist(),
-        "distortions": camera.distortion.tolist(),
-        "rotation": cv2.Rodrigues(camera.R_camera_world)[0].ravel().tolist(),
-        "translation": camera.t.tolist(),
-    }
-
-
 def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
     """Write cameras as YAML for ``cv2.FileStorage``, or as TOML for aniposelib and its readers.
 
@@ -278,7 +255,18 @@ def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
     ``image_height``, ``camera_matrix``, ``distortion_coefficients``, ``rvec``, ``tvec`` in m, as
     ``cv2.projectPoints`` takes them.
     """
-    described = [*map(_describe_camera, cameras)]
+    described = [
+        {
+            # In quotes of JSON, which TOML and YAML share: a plain null or yes is no text in YAML
+            "name": json.dumps(one.name, ensure_ascii=False),
+            "size": list(one.size),
+            "matrix": (one.K - [[0, 0, HALF_PIXEL], [0, 0, HALF_PIXEL], [0, 0, 0]]).tolist(),
+            "distortions": one.distortion.tolist(),
+            "rotation": cv2.Rodrigues(one.R_camera_world)[0].ravel().tolist(),
+            "translation": one.t.tolist(),
+        }
+        for one in cameras
+    ]
     whole_text(path, render(__file__, f"cameras{path.suffix}.j2", cameras=described))
 
 
@@ -286,10 +274,7 @@ def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
 
 
 def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
-    """Return the manifest's cameras, in its order, of the calibration that it reuses, if any.
-
-    A :class:`ManifestError` is raised if that cannot be read, or is not of these cameras.
-    """
+    """Return the manifest's cameras, in its order, of the calibration that it reuses, if any."""
     asked = manifest.calibration
     if asked is None:
         return None
@@ -302,9 +287,9 @@ def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
     order = []
     for camera in manifest.cameras:
         if names.count(camera.name) != 1:
-            what = "two cameras" if camera.name in names else "no camera"
             raise ManifestError(
-                f"calibration: {path}: {what} {camera.name} in it; there are {', '.join(names)}"
+                f"calibration: {path}: {names.count(camera.name)} cameras {camera.name} in it, "
+                f"allowed: one; there are {', '.join(names)}"
             )
         order.append(names.index(camera.name))
         if (given := found.cameras[order[-1]].size) != camera.size:
