@@ -11,9 +11,7 @@ image, this is what stands in for the operator. A board with marks has no symmet
 """
 
 import contextlib
-import re
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -364,7 +362,11 @@ def adjust_cameras(
         try:
             single.append(calibrate_camera(images, board, camera.size, camera.name))
         except CalibrationError as error:
-            raise CalibrationError(f"{error}{_describe_refusals(refused, manifest)}") from None
+            for file, why in [*refused.items()][:1]:
+                tiles = f"{manifest.board.kind} of {board.columns} × {board.rows} tiles"
+                note = f" ({len(refused)} are refused, as {file}: {why}; is the board a {tiles}?)"
+                raise CalibrationError(f"{error}{note}") from None
+            raise
     corners, moved = unify_corners(single, shots, board, manifest.board.two_sided)
     seen = np.isfinite(corners).any(axis=(0, 2, 3))
     for pose in np.flatnonzero(~seen):
@@ -382,20 +384,6 @@ def adjust_cameras(
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)
-
-
-def _describe_refusals(refused: Mapping[str, str], manifest: Manifest) -> str:
-    """Name the commonest reason for which a camera's images were refused, with its count."""
-    if not refused:
-        return ""
-    kinds = {file: re.sub(r"[0-9.]+", "", why) for file, why in refused.items()}
-    kind, count = Counter(kinds.values()).most_common(1)[0]
-    file = next(file for file, other in kinds.items() if other == kind)
-    board = manifest.board
-    return (
-        f" ({count} of {len(refused)} refused images for one reason, as {file}: {refused[file]}; "
-        f"is the board a {board.kind} of {board.columns} × {board.rows} tiles?)"
-    )
 
 
 def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:

@@ -156,7 +156,11 @@ class Synchronisation:
 
     def describe(self, names: Sequence[str], frame_rate: float) -> list[str]:
         """Describe what was found, its uncertainty, and what sound cannot show; rate in Hz."""
-        frequency, frames = self.frequency, whole_frames(self.delays, frame_rate)
+        frames, omega = (
+            whole_frames(self.delays, frame_rate),
+            2 * np.pi * (self.frequency or np.nan),
+        )
+        corners = 2 * np.pi * np.array([2, 3])  # rad/s, of the first-order high-passes of inputs
         return render_lines(
             "measure/synchronisation/templates/starts.txt.j2",
             found=self,
@@ -166,13 +170,8 @@ class Synchronisation:
             sources=[one for one in zip(names, self.sources, strict=False) if one[1]],
             snr_db=10 * np.log10(self.snr),
             below_hz=matching.CORRELATION_RATE // 2,
-            shift_frames=frame_rate * coupling_delay(frequency) if frequency else np.nan,
+            shift_frames=frame_rate * float(np.diff(np.arctan(corners / omega))[0] / omega),
         )
-
-
-def coupling_delay(frequency: float) -> float:
-    """Return delay in s of a tone between first-order high-passes with corners of 2 and 3 Hz."""
-    return float((np.arctan(3 / frequency) - np.arctan(2 / frequency)) / (2 * np.pi * frequency))
 
 
 def whole_frames(delays: ArrayLike, frame_rate: float) -> IntArray:
