@@ -185,8 +185,7 @@ def of_note(data):
 
 
 def test_a_board_at_rest_is_not_said_to_move(folder):
-    data = folder(as_found(observations(SIGMA)))
-    assert of_note(data) == []
+    assert of_note(folder(as_found(observations(SIGMA)))) == []
 
 
 def test_lenses_do_not_suffer_from_a_board_that_moves_between_the_cameras(conforms, folder):

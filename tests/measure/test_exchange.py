@@ -1,11 +1,9 @@
 """Files that other programs open, each read back by its own reader; and the motion in them."""
 
-import tomllib
 from dataclasses import replace
 from itertools import pairwise
 
 import av
-import cv2
 import meshio
 import numpy as np
 import pytest
@@ -19,7 +17,7 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange import files
-from thesis_lib.measure.exchange.cameras import describe_reused
+from thesis_lib.measure.exchange.cameras import describe_reused, read_cameras
 from thesis_lib.measure.exchange.history import time_histories
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.pipeline import Recorded, measure_shape
@@ -259,28 +257,15 @@ def test_matlab(conforms, measured):
     assert read["shape"]["camera"].tolist() == data["camera"].values.tolist()
 
 
-def test_cameras_for_opencv_and_aniposelib_see_the_markers_where_ours_do(conforms, measured):
+@pytest.mark.parametrize("name", ["cameras.yaml", "cameras.toml"])
+def test_written_cameras_see_the_markers_where_ours_do(conforms, measured, name):
     folder, data, _ = measured
     points = data["rest_position"].values
-    file = cv2.FileStorage(str(folder / "cameras.yaml"), cv2.FILE_STORAGE_READ)
-    names = file.getNode("names")
-    assert [names.at(k).string() for k in range(names.size())] == data["camera"].values.tolist()
-    with (folder / "cameras.toml").open("rb") as text:
-        toml = tomllib.load(text)
-    assert toml["metadata"]["units"] == "m"
     calibrated = data["frame_rotation"].values.T @ points + data["frame_origin"].values[:, None]
-    for k, station in enumerate(RIG.stations):
-        node, one = file.getNode(f"camera_{k}"), toml[f"cam_{k}"]
-        assert node.getNode("name").string() == one["name"] == station.camera.name
-        assert one["size"] == list(station.camera.size)
+    for one, station in zip(read_cameras(folder / name).cameras, RIG.stations, strict=True):
+        assert (one.name, one.size) == (station.camera.name, station.camera.size)
         true = project_points(station.camera, calibrated)
-        of_yaml = [node.getNode(name).mat() for name in (
-            "rvec", "tvec", "camera_matrix", "distortion_coefficients")]  # fmt: skip
-        of_toml = [np.array(one[name]) for name in (
-            "rotation", "translation", "matrix", "distortions")]  # fmt: skip
-        for given in (of_yaml, of_toml):
-            seen = cv2.projectPoints(np.ascontiguousarray(points.T), *given)[0].reshape(-1, 2)
-            conforms.closed_form(seen.T + 0.5, true, atol=1e-6)
+        conforms.closed_form(project_points(one, points), true, atol=1e-6)
 
 
 # The report on a shape.

@@ -43,8 +43,6 @@ _MOST_OFF = 1 / 3  # share of the shared poses from which on it is not they that
 # before cameras that are up to 20 ms out of step.
 MAX_CONTRADICTION = 3.0
 
-Pose = tuple[Array, Array]
-
 
 @dataclass(frozen=True)
 class Calibration:
@@ -190,10 +188,15 @@ def unify_corners(
         If two cameras share too few images to distinguish the symmetries, or more than a third
         of the poses that several cameras see fit no rig.
     """
-    symmetries, X = _list_symmetries(board, two_sided), board.corners
-    points = np.array([_place_boards(c, board, symmetries) for c in calibrations])
-    seen = np.isfinite(points[:, :, 0, 0, 0])
-    rig = _chain_cameras([c.lens.name for c in calibrations], points, seen)
+    symmetries = _list_symmetries(board, two_sided)
+    X = np.vstack([board.corners, np.ones_like(board.corners[:1])])
+    poses = np.zeros((len(calibrations), len(shots[0]), 4, 4))
+    poses[..., :3, :3] = [one.rotations for one in calibrations]
+    poses[..., :3, 3] = [one.translations for one in calibrations]
+    poses[..., 3, 3] = 1
+    boards = poses[:, :, None] @ symmetries
+    seen = np.isfinite(poses[..., 0, 0])
+    rig = _chain_cameras([c.lens.name for c in calibrations], boards, seen, X)
     result = np.full((*seen.shape, *X[:2].shape), np.nan)
     # To which corner each of them goes under a symmetry.
     apart = np.linalg.norm((symmetries @ X)[..., None] - X[:, None], axis=1)
@@ -201,8 +204,8 @@ def unify_corners(
     left_out: dict[int, float] = {}
     for shot, camera in np.argwhere(seen.T).tolist():
         one = int(np.argmax(seen[:, shot]))  # the first camera
-        first = _move_points(rig[one], points[one, shot])[0]
-        off = _rms_distance(_move_points(rig[camera], points[camera, shot]) - first)
+        first = rig[one] @ boards[one, shot, 0] @ X
+        off = _rms_distance(rig[camera] @ boards[camera, shot] @ X - first)
         choice = int(np.argmin(off))
         if off[choice] > _MAX_FIT_TILES * board.tile:
             left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
@@ -219,91 +222,66 @@ def unify_corners(
 
 
 def _list_symmetries(board: Board, two_sided: bool) -> Array:
-    """Return rotations (symmetries, 3, 3) to corners that look alike, the identity first."""
-    if board.mark:
-        return np.eye(3)[None]
-    half, flip = np.diag([-1.0, -1.0, 1.0]), np.diag([1.0, -1.0, -1.0])
-    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turns = np.array([np.eye(3), half])
+    """Return rigid motions (symmetries, 4, 4) to corners that look alike, the identity first.
+
+    The side that a camera sees is half a thickness before the middle, about which a board that is
+    turned over turns.
+    """
+    half, flip = np.diag([-1.0, -1.0, 1.0, 1.0]), np.diag([1.0, -1.0, -1.0, 1.0])
+    flip[2, 3] = -board.thickness
+    quarter = np.eye(4)
+    quarter[:2, :2] = [[0, -1], [1, 0]]
+    turns = np.array([np.eye(4), half])
     if board.columns == board.rows:
         turns = np.concatenate([turns, turns @ quarter])
-    return np.concatenate([turns, turns @ flip]) if two_sided else turns
-
-
-def _place_boards(calibration: Calibration, board: Board, symmetries: Array) -> Array:
-    """Return the board's corners in the camera, (shots, symmetries, 3, corners) in m.
-
-    The side that the camera sees is half a thickness before the middle, about which a board that
-    is turned over turns.
-    """
-    middle = np.array([[0.0], [0.0], [board.thickness / 2]])
-    X = symmetries @ (board.corners + middle) - middle
-    poses = zip(calibration.rotations, calibration.translations, strict=True)
-    return np.array([_move_points(pose, X) for pose in poses])
+    if two_sided:
+        turns = np.concatenate([turns, turns @ flip])
+    return turns[:1] if board.mark else turns
 
 
 def _rms_distance(differences: Array) -> Array:
-    """Return the root mean square distance over the corners of (..., 3, corners)."""
+    """Return the root mean square distance over the corners of (..., 4, corners)."""
     return np.sqrt(np.mean(np.sum(differences**2, axis=-2), axis=-1))
 
 
-def _move_points(pose: Pose, points: Array) -> Array:
-    """Apply the rotation and translation of a pose to points (..., 3, n)."""
-    R, t = pose
-    return R @ points + t[:, None]
+def _chain_cameras(names: Sequence[str], boards: Array, seen: Mask, X: Array) -> dict[int, Array]:
+    """Return the motion (4, 4) from each camera to the first one, from pairs sharing most images.
 
-
-def _chain_cameras(names: Sequence[str], points: Array, seen: Mask) -> dict[int, Pose]:
-    """Return every camera's pose in the first one's frame, from pairs sharing most images.
-
-    `points` are those of :func:`_place_boards`, `seen` (cameras, shots) tells which ones there are.
+    Boards (cameras, shots, symmetries, 4, 4) are motions of their corners X (4, n) to the camera
+    where they are `seen` (cameras, shots).
     """
-    rig: dict[int, Pose] = {0: (np.eye(3), np.zeros(3))}
+    rig = {0: np.eye(4)}
     while len(rig) < len(names):
         pairs = [(i, j) for i in rig for j in range(len(names)) if j not in rig]
         i, j = max(pairs, key=lambda pair: np.count_nonzero(seen[pair[0]] & seen[pair[1]]))
-        shared = seen[i] & seen[j]
-        pose = None
+        shared, motion = seen[i] & seen[j], None
         if (count := np.count_nonzero(shared)) > 1:
-            pose = _fit_relative_pose(points[j, shared], points[i, shared, 0])
-        if pose is None:
+            motion = _fit_relative_motion(boards[j, shared], boards[i, shared, 0], X)
+        if motion is None:
             raise CalibrationError(
                 f"{names[j]}: shares {count} board images with {names[i]}, needs 2 or more that "
                 "distinguish the board's symmetries"
             )
-        R, t = rig[i]
-        rig[j] = R @ pose[0], R @ pose[1] + t
+        rig[j] = rig[i] @ motion
     return rig
 
 
-def _fit_relative_pose(source: Array, target: Array) -> Pose | None:
-    """Return the pose that takes points to their targets in all shots, if only one does.
+def _fit_relative_motion(boards: Array, others: Array, X: Array) -> Array | None:
+    """Return the motion of boards onto the others (shots, 4, 4) in all shots, if only one does it.
 
-    The points (shots, symmetries, 3, n) count under whichever symmetry brings them nearest to the
-    targets (shots, 3, n). A shot can miss by no more than rigs differ, so that a bad one does not
-    decide; which one it is shows later.
+    Boards (shots, symmetries, 4, 4) count under whichever symmetry brings them nearest. A shot can
+    miss by no more than rigs differ, so that a bad one does not decide; which one it is shows
+    later.
     """
+    source, target = boards @ X, others @ X
     size = np.linalg.norm(target[0, :, 0] - target[0, :, -1]) / 4
-    trials = [_fit_rigid_motion(p, q) for ps, q in zip(source, target, strict=True) for p in ps]
-    missed = [
-        _rms_distance(_move_points(pose, source) - target[:, None]).min(axis=1) for pose in trials
-    ]
-    scores = np.array([np.mean(np.minimum(miss, size)) for miss in missed])
+    trials = (others[:, None] @ np.linalg.inv(boards)).reshape(-1, 4, 4)
+    missed = [_rms_distance(one @ source - target[:, None]).min(axis=1) for one in trials]
+    scores = np.mean(np.minimum(missed, size), axis=1)
     best = trials[int(np.argmin(scores))]
-    X = source[0, 0]
-    other = np.array(
-        [_rms_distance(_move_points(pose, X) - _move_points(best, X)) > size for pose in trials]
-    )
+    other = _rms_distance((trials - best) @ source[0, 0]) > size
     rival = scores[other].min(initial=np.inf)
     return best if rival > max(_MIN_DISTINCT_RATIO * scores.min(), 1e-9) else None
-
-
-def _fit_rigid_motion(points: Array, target: Array) -> Pose:
-    """Return the rotation and translation that take points (3, n) to their targets (Kabsch)."""
-    a, b = points.mean(axis=1), target.mean(axis=1)
-    U, _, Vt = np.linalg.svd((target - b[:, None]) @ (points - a[:, None]).T)
-    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
-    return R, b - R @ a
 
 
 @contextlib.contextmanager
