@@ -24,7 +24,6 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 from thesis_lib.templates import render
 
-MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in one row or column
 MAX_EDGE_RATIO = 2.5  # times the middle edge's length, beyond which an edge spans a gap
 FRAMES_PER_PERIOD = 32  # of a period
 CELL_TYPES = {2: 3, 3: 5, 4: 9}  # VTK's numbers of a line, a triangle and a rectangle, by corners
@@ -100,7 +99,8 @@ def marker_faces(x: ArrayLike, y: ArrayLike) -> IntArray:
     all markers stand on one line.
     """
     points = np.column_stack([np.asarray(x, float), np.asarray(y, float)])
-    column, row = (_classes(values) for values in points.T)
+    # Markers closer than a micrometre along an axis stand in one row or column
+    column, row = (np.unique(side.round(6), return_inverse=True)[1] for side in points.T)
     columns, rows = column.max() + 1, row.max() + 1
     if min(columns, rows) >= 2 and len(points) == columns * rows:
         place = np.full((rows, columns), -1)
@@ -124,14 +124,6 @@ def marker_edges(x: ArrayLike, y: ArrayLike) -> IntArray:
         return np.column_stack([order[:-1], order[1:]])
     pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
     return np.unique(np.sort(pairs, axis=1), axis=0)
-
-
-def _classes(values: Array) -> IntArray:
-    """Return the numbers of values in ascending order; those that are as good as equal have one."""
-    order = np.argsort(values)
-    number = np.empty(len(values), int)
-    number[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > MAX_ROW_OFFSET_M)])
-    return number
 
 
 def write_vtk(folder: Path, data: xr.Dataset) -> None:

@@ -234,12 +234,8 @@ def beside_first(
 
     Where time stamps state another pace than the sample rate does, the sounds are compared at both,
     since either may be the true one, and what is found counts by the time stamps. `others` maps the
-    index of each to the delay of its sound in s where that is known; else it is sought.
-
-    Raises
-    ------
-    MediaError, SynchronisationError
-        If a file has no whole sound, or its sound is unlike the first one's.
+    index of each to the delay of its sound in s where that is known; else it is sought. Sounds
+    without a match raise a :class:`~.audio.SynchronisationError`.
     """
     found: dict[int, Drift] = {}
     stamped, stated = _Tracks(recordings, stated=False), _Tracks(recordings, stated=True)

@@ -243,14 +243,8 @@ def _find_drifts(
 def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
     """Return the delays, and the force's frequency and phase, as :data:`VARIABLES`.
 
-    Raises
-    ------
-    ManifestError
-        If the frequency is not one that the cameras can film, or the steady part is not one that
-        all of them recorded.
-    MediaError, SynchronisationError
-        If a track is missing, silent, clipped or unlike the others, or holds no steady tone of the
-        frequency where it should carry the force.
+    A :class:`ManifestError` says that the cameras cannot film the frequency, or that not all of
+    them recorded the steady part; other errors are those of the files and sounds.
     """
     for problem in check_excitation(manifest):
         raise ManifestError(problem)

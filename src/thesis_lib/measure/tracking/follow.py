@@ -8,6 +8,7 @@ centre turns out to lie in another cell. A frame in which a marker does not fit 
 before goes to the tracker that searches for all of them.
 """
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -120,11 +121,9 @@ class Follower:
 
     def __init__(self, tracker: discs.Tracker, image: Image) -> None:
         self.tracker, self.view = tracker, tracker.view
-        self.table: Table | None
-        try:
+        self.table: Table | None = None
+        with contextlib.suppress(MemoryError, ValueError):  # each frame is searched without one
             self.table = Table(self.view, image)
-        except (MemoryError, ValueError):  # each frame is searched then, more slowly
-            self.table = None
         self.rest = self.view.to_image(tracker.grid)
         # Where the frequency is not known, a prediction from the two frames before is off by up to
         # four times what moved, as of a motion at half the frame rate: less than to a neighbour.

@@ -49,10 +49,6 @@ class View:
         across = self.to_image([x, y + step]) - self.to_image([x, y - step])
         return np.stack([along, across], axis=1) / (2 * step)
 
-    def finest(self, plane: ArrayLike) -> Array:
-        """Return pixels per metre where the plane is most foreshortened, (n,), at points (2, n)."""
-        return np.linalg.svd(np.moveaxis(self.stretch(plane), 2, 0))[1][:, 1]
-
 
 def apply_homography(H: ArrayLike, points: ArrayLike) -> Array:
     """Apply a homography (3, 3) to points (2, ...)."""

@@ -62,10 +62,16 @@ def sharpen_view(image: Image, view: View) -> View:
             raise TrackingError(f"camera {name}: the markers found: {error}") from None
         view = replace(view, H_image_plane=H)
     rows = [centres[0, row] for row in view.markers.rows]
-    off = _rms_length(centres - view.to_image(grid))
     corners = view.markers.corners
-    moved = _rms_length(view.to_image(corners) - first.to_image(corners))
-    between = float(np.median(view.markers.nearest * view.finest(grid)))
+    off, moved = (
+        float(np.sqrt(np.nanmean(np.sum(apart**2, axis=0))))
+        for apart in (
+            centres - view.to_image(grid),
+            view.to_image(corners) - first.to_image(corners),
+        )
+    )
+    finest = np.linalg.svd(np.moveaxis(view.stretch(grid), 2, 0))[1][:, 1]  # px/m, foreshortened
+    between = float(np.median(view.markers.nearest * finest))
     wrong = ""
     if any(len(row) > 2 and np.isnan(row).all() for row in rows):
         wrong = "no marker is found in one of the rows"
@@ -78,11 +84,6 @@ def sharpen_view(image: Image, view: View) -> View:
             f"camera {name}: {wrong}; do rows, columns and spacing agree with the manifest?"
         )
     return view
-
-
-def _rms_length(off: Array) -> float:
-    """Return the root mean square length of vectors (2, n), NaN left out."""
-    return float(np.sqrt(np.nanmean(np.sum(off**2, axis=0))))
 
 
 def _fit_blur(image: Image, view: View, found: Array) -> float:
