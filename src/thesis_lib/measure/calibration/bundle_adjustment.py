@@ -58,11 +58,6 @@ def without_boards(cameras: Sequence[Camera]) -> Network:
 def start_network(observations: Array, points: Array, cameras: Sequence[Camera]) -> Network:
     """Return the poses chained from image to image, the world being the first shot's board."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
-    for camera, views in zip(cameras, seen, strict=True):
-        if not views.any():
-            raise CalibrationError(f"{camera.name}: no image shows the board")
-    for shot in np.flatnonzero(~seen.any(axis=0)):
-        raise CalibrationError(f"board image {shot}: no camera sees the board")
     boards: dict[int, tuple[Array, Array]] = {0: (np.eye(3), np.zeros(3))}
     placed: dict[int, Camera] = {}
     views = [(int(c), int(s)) for c, s in np.argwhere(seen)]
@@ -76,11 +71,9 @@ def start_network(observations: Array, points: Array, cameras: Sequence[Camera])
         else:
             turn = placed[c].R_camera_world.T
             boards[s] = turn @ R, turn @ t + placed[c].centre
-    for c, camera in enumerate(cameras):
-        if c not in placed:
-            raise CalibrationError(
-                f"{camera.name}: shares no board images, directly or not, with image 0"
-            )
+    apart = [f"board image {s}" for s in range(seen.shape[1]) if s not in boards]
+    for name in [one.name for c, one in enumerate(cameras) if c not in placed] + apart:
+        raise CalibrationError(f"{name}: shares no board images, directly or not, with image 0")
     poses = zip(*(boards[s] for s in sorted(boards)), strict=True)
     return Network(tuple(placed[c] for c in sorted(placed)), *map(np.array, poses))
 

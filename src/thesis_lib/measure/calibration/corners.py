@@ -465,24 +465,23 @@ def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array
 
 def _check_residuals(misfit: Array, asymmetry: Array, blur: Array) -> None:
     """Refuse corners whose residuals over the half contrast are not those of two crossing edges."""
-    if not np.isfinite(asymmetry).all():
-        raise BoardNotFound("the tiles about a corner are too narrow to fit their edges")
-    if np.median(blur) >= _MAX_BLUR_PX:
-        raise BoardNotFound(
-            f"the image is blurred: edges are wider than {_MAX_BLUR_PX:.0f} px; focus the camera, "
-            "or hold the board still"
-        )
-    if (worst := float(np.max(asymmetry))) > _MAX_ASYMMETRY:
-        raise BoardNotFound(
-            f"a corner's edges are unlike on opposite sides by {worst:.0%} of the contrast, "
-            f"allowed {_MAX_ASYMMETRY:.0%}"
-        )
-    if (worst := float(np.max(misfit))) > _MAX_MISFIT:
-        raise BoardNotFound(
+    width, typical = float(np.median(blur)), float(np.median(misfit))
+    worst, uneven = float(np.max(misfit)), float(np.max(asymmetry))
+    if np.isnan(uneven):
+        problem = "the tiles about a corner are too narrow to fit their edges"
+    elif width >= _MAX_BLUR_PX:
+        problem = f"the image is blurred: edges are wider than {_MAX_BLUR_PX:.0f} px; focus the "
+        problem += "camera, or hold the board still"
+    elif uneven > _MAX_ASYMMETRY:
+        problem = f"a corner's edges are unlike on opposite sides by {uneven:.0%} of the contrast, "
+        problem += f"allowed {_MAX_ASYMMETRY:.0%}"
+    elif worst > _MAX_MISFIT:
+        problem = (
             f"a corner's edges misfit by {worst:.0%} of the contrast, allowed {_MAX_MISFIT:.0%}"
         )
-    if np.median(blur) > _SOFT_PX and (typical := float(np.median(misfit))) > _MAX_SOFT_MISFIT:
-        raise BoardNotFound(
-            f"the edges are blurred unevenly, as by motion: they misfit by {typical:.0%} "
-            f"of the contrast, allowed {_MAX_SOFT_MISFIT:.0%}; hold the board still"
-        )
+    elif width > _SOFT_PX and typical > _MAX_SOFT_MISFIT:
+        problem = f"the edges are blurred unevenly, as by motion: they misfit by {typical:.0%} of "
+        problem += f"the contrast, allowed {_MAX_SOFT_MISFIT:.0%}; hold the board still"
+    else:
+        return
+    raise BoardNotFound(problem)
