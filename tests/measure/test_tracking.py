@@ -304,30 +304,19 @@ def hole_px(at):
     return pinhole.project_points(at, place)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("azimuth", "upside_down"), [(-10.0, False), (10.0, True), (190.0, False)])
-def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_down):
-    at = camera(azimuth)
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "k1", "width", "upside_down"),
+    [(10, 22, 0.2, 1920, False), (140, 15, 0.3, 960, False), (80, 22, -0.08, 960, False),
+     (175, 60, 0.3, 1920, False), (-5, 15, 0.0, 640, False), (10, 22, 0.1, 1920, True),
+     (190, 22, 0.1, 1920, False)],
+)  # fmt: skip
+def test_the_beam_and_its_clamped_end_are_found_in_any_rig_that_the_laboratory_allows(
+    conforms, azimuth, elevation, k1, width, upside_down
+):
+    """In the fifth its markers cut it in two."""
+    at = camera(azimuth, elevation, k1=k1)
     if upside_down:
         at = replace(at, R_camera_world=np.diag([-1.0, -1, 1]) @ at.R_camera_world)
-    (image,) = filmed(at, [-1.0], seed=2)
-    view = homography.find_view(image, at, MARKERS)
-    conforms.closed_form(corner_error(view, at), below=2)
-    exact = truth(at, [-1.0])[0]
-    found = Tracker(sharpen_view(image, view)).centres(image)
-    conforms.closed_form(off(found, exact).max(), below=0.12)
-
-
-@pytest.mark.parametrize(
-    ("azimuth", "elevation", "k1", "width"),
-    [(10, 22, 0.2, 1920), (140, 15, 0.3, 960), (80, 22, -0.08, 960), (175, 60, 0.3, 1920),
-     (-5, 15, 0.0, 640)],
-)  # fmt: skip
-def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
-    conforms, azimuth, elevation, k1, width
-):
-    """In the last its markers cut it in two."""
-    at = camera(azimuth, elevation, k1=k1)
     assert np.isfinite(corners(at)).all()
     (image,) = filmed(at, [-1.0])
     small = pinhole.resize_camera(at, (width, width * 9 // 16))
