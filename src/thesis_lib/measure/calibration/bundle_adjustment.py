@@ -270,11 +270,8 @@ def adjust_bundle(
 
     Raises
     ------
-    ValueError
-        If the shapes do not match.
     CalibrationError
-        If a camera has no shot, a shot no camera, if either is not connected with the rest by
-        common images, or if the steps do not converge.
+        If cameras or shots are not connected by common images, or if the steps do not converge.
     """
     points = spread_points(points, observations)
     network = start_network(observations, points, cameras)

@@ -67,7 +67,6 @@ def calibrate_camera(
     shots : sequence of ndarray, shape (2, corners), or None
         Corners in px, None where the board was not found, NaN where a corner is not seen.
     board : Board
-        The board.
     size : tuple of int
         Width and height of the sensor in px.
     name : str
@@ -120,10 +119,7 @@ def calibrate_camera(
 def central_corners(board: Board) -> IntArray:
     """Return indices of the corners of the central 5 × 7 squares, the part the thesis used.
 
-    Raises
-    ------
-    CalibrationError
-        If the board has fewer corners.
+    A board with fewer corners raises a :class:`CalibrationError`.
     """
     nx, ny = board.shape
     mx, my = _LITERAL_TILES[0] + 1, _LITERAL_TILES[1] + 1
@@ -168,10 +164,8 @@ def unify_corners(
     shots : sequence of sequences of ndarray, shape (2, corners), or None
         The corners that the calibrations were made from, by camera and shot.
     board : Board
-        The board.
     two_sided : bool
-        Whether the pattern is on both faces with corners behind corners, so that cameras may see
-        the board from either side.
+        Whether the pattern is on both faces with corners behind corners.
 
     Returns
     -------
@@ -179,8 +173,8 @@ def unify_corners(
         Corners in px in the order of ``board.corners``, NaN where the board was not found, and in
         poses that were left out.
     dict of int to float
-        Poses that were left out, as the board or a camera moved between their images, and by how
-        much these are then off the rig of the others, m.
+        Poses that were left out, as the board or a camera moved between their images, and how far
+        these are off the rig of the others, m.
 
     Raises
     ------
@@ -303,18 +297,9 @@ def adjust_cameras(
 
     With `lenses` of the cameras these are kept, and only their places are found. If the cameras
     contradict each other by more than :data:`MAX_CONTRADICTION`, lenses stay as of each camera
-    alone.
-
-    Returns
-    -------
-    corners : ndarray, shape (cameras, shots, 2, corners)
-        In px, in one order; NaN where the board was not found.
-    lost : list of str
-        Which shots were not used, and why.
-    single : list of Calibration
-        Zhang's method, camera by camera, with all corners.
-    full : Adjustment
-        Its residuals are of all poses, its boards those of the poses that were used.
+    alone. Returned are the corners (cameras, shots, 2, corners) in px, in one order and NaN where
+    the board was not found; which shots were not used, and why; each camera by itself; and the
+    adjustment, whose residuals are of all poses, and its boards those of the poses that were used.
     """
     board = manifest.board.board
 

@@ -51,7 +51,6 @@ def jackknife_cameras(
     points : ndarray, shape (3, points) or (cameras, shots, 3, points)
         The board's corners, m.
     adjustment : Adjustment
-        Of these.
 
     Returns
     -------

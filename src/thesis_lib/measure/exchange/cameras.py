@@ -75,7 +75,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     Raises
     ------
     ManifestError
-        In one line, if the calibration cannot be read, or has cameras that cannot be used.
+        If the calibration cannot be read, or has cameras that cannot be used.
     """
     files = [path]
     if path.is_dir():

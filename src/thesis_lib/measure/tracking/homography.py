@@ -83,14 +83,9 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
     image : ndarray of uint8, shape (h, w)
         Grey levels.
     camera : Camera
-        Intrinsics and distortion of the camera; where it stands is not used.
+        Intrinsics and distortion; where it stands is not used.
     markers : Markers
         Size of the beam, and places of its markers and its hole.
-
-    Returns
-    -------
-    View
-        Homography between the beam's plane in m and the undistorted image.
 
     Raises
     ------
@@ -117,11 +112,6 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
     """Return the view for the four corners in undistorted px, shape (2, 4).
 
     In the order of the beam's frame: (0, 0), (L, 0), (L, W), (0, W).
-
-    Raises
-    ------
-    TrackingError
-        If they are no quadrilateral.
     """
     try:
         return View(camera, markers, fit_homography(markers.corners, corners))

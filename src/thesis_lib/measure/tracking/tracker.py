@@ -214,12 +214,7 @@ def assign_places(predicted: Array, found: Array, gate: float) -> Array:
     """Give each predicted place (2, n) at most one of the found ones, nearest in the sum.
 
     The Hungarian method on squared distances; pairs farther apart than `gate` are not made, so a
-    hidden marker takes no neighbour's place.
-
-    Returns
-    -------
-    ndarray, shape (2, n)
-        NaN where nothing was found.
+    hidden marker takes no neighbour's place. Places (2, n) are NaN where nothing was found.
     """
     places = np.full_like(predicted, np.nan)
     squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
