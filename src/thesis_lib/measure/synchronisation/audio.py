@@ -1,5 +1,6 @@
 """Sounds of any length, reduced block by block to the lower sample rates at which they are held."""
 
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -70,6 +71,34 @@ def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
 def join_blocks(blocks: Iterable[Array]) -> Track:
     """Return a signal that comes in blocks as a whole, in single precision."""
     return np.concatenate([np.empty(0, np.float32), *(np.float32(block) for block in blocks)])
+
+
+class Sounds:
+    """Sounds of recordings, which are read at the lowest common rate above one in Hz.
+
+    Time counts by time stamps, or from the first samples on by the rates that the files state.
+    """
+
+    def __init__(
+        self, recordings: Sequence[AudioSource], wanted: float, stated: bool = False
+    ) -> None:
+        self.recordings, self.tracks = recordings, list[AudioTrack]()
+        for recording in recordings:
+            with recording.opened() as track:
+                self.tracks.append(track)
+        self.rates = [one.stated_rate if stated else one.rate for one in self.tracks]
+        self.low = common_rate(self.rates, wanted)
+        #: When the first samples at that rate come, s
+        self.starts = [(0.0 if stated else one.start) + self.low.cut for one in self.tracks]
+
+    def blocks(self, k: int) -> Iterator[Array]:
+        """Yield the sound of a recording in blocks."""
+        with self.recordings[k].opened() as track:
+            yield from self.low.reduce(track.blocks, self.rates[k])
+
+    def read(self, k: int, first: int = 0, last: int = sys.maxsize) -> Track:
+        """Return samples `first` to `last` of the sound of a recording."""
+        return join_blocks(part_of(self.blocks(k), first, last))
 
 
 def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:

@@ -326,7 +326,6 @@ def room_match(reference: Signal, other: Signal, rate: float) -> Match:
     whole = _compare_signals(a, b, rate, same=ROOM_SAME, by_noise=False, either_sign=True)
     n = count_overlap(whole.delay * rate, a, b)
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
-    loud = (
-        None if whole.certain else _match_transients(a, b, rate, same=CLAP_SAME, either_sign=True)
-    )
-    return loud or whole
+    if whole.certain:
+        return whole
+    return _match_transients(a, b, rate, same=CLAP_SAME, either_sign=True) or whole

@@ -12,6 +12,7 @@ has a peak at each of its periods.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -238,20 +239,24 @@ def beside_first(
     without a match raise a :class:`~.audio.SynchronisationError`.
     """
     found: dict[int, Drift] = {}
-    stamped, stated = _Tracks(recordings, stated=False), _Tracks(recordings, stated=True)
+    stamped, stated = (_Compared(recordings, COMPARED_RATE_HZ, by) for by in (False, True))
+    # Seconds of the time stamps for one of the samples at the stated rate
+    paces = [one.stated_rate / one.rate for one in stamped.tracks]
     for k, known in others.items():
+        first, own = starts = stamped.starts[0], stamped.starts[k]
         if known is not None:
-            first, own = starts = stamped.starts[0], stamped.starts[k]
-            found[k] = drift_of(stamped[0], stamped[k], stamped.rate, starts, known + first - own)
+            signals, rate = (stamped.first, stamped.compared(k)), stamped.low.rate
+            found[k] = drift_of(*signals, rate, starts, known + first - own)
         else:
             tries = [_find_start(stamped, k)]
-            if stamped.paces[k] != stamped.paces[0]:
-                tries.append(_by_stamps(_find_start(stated, k), stamped, k))
+            if paces[k] != paces[0] and (one := _find_start(stated, k)) is not None:
+                cut = stamped.low.cut
+                tries.append(_by_stamps(one, (first - cut, own - cut), (paces[0], paces[k])))
             sure = [one for one in tries if one is not None]
             if not sure:
                 raise unmatched_error(recordings[k].name, recordings[0].name)
             found[k] = max(sure, key=lambda one: one.score)
-        kept = (1 - found[k].drift) * stamped.paces[k] / stamped.paces[0]
+        kept = (1 - found[k].drift) * paces[k] / paces[0]
         found[k] = replace(found[k], sample_drift=1 - kept)
     return found
 
@@ -264,45 +269,28 @@ def unmatched_error(name: str, first: str) -> audio.SynchronisationError:
     )
 
 
-class _Tracks:
-    """Sounds of recordings at one rate, the first of which and one other are held at a time."""
+class _Compared(audio.Sounds):
+    """Sounds that are compared, the first of which is held."""
 
-    def __init__(self, recordings: Sequence[audio.AudioSource], *, stated: bool) -> None:
-        """Take time by the rates that the files state, from the first sample on, or by stamps."""
-        self.recordings = recordings
-        #: Seconds of the time stamps for one of the samples at the stated rate
-        self.paces: list[float] = []
-        self.rates, starts = [], []
-        for recording in recordings:
-            with recording.opened() as track:
-                self.paces.append(track.stated_rate / track.rate)
-                self.rates.append(track.stated_rate if stated else track.rate)
-                starts.append(0.0 if stated else track.start)
-        self.low = audio.common_rate(self.rates, COMPARED_RATE_HZ)
-        self.rate = self.low.rate
-        self.starts = [start + self.low.cut for start in starts]  #: Of the first samples, s
-        self._read: dict[int, Signal] = {}
+    def compared(self, k: int) -> Signal:
+        """Read as much of a sound as is compared."""
+        return self.read(k, 0, round(MAX_COMPARED_S * self.low.rate))
 
-    def __getitem__(self, k: int) -> Signal:
-        """Read the sound of a recording."""
-        if k not in self._read:
-            self._read = {i: one for i, one in self._read.items() if i == 0}
-            with self.recordings[k].opened() as track:
-                low = self.low.reduce(track.blocks, self.rates[k])
-                part = audio.part_of(low, 0, round(MAX_COMPARED_S * self.rate))
-                self._read[k] = audio.join_blocks(part)
-        return self._read[k]
+    @cached_property
+    def first(self) -> Signal:
+        """The first sound."""
+        return self.compared(0)
 
 
-def _find_start(tracks: _Tracks, k: int) -> Drift | None:
+def _find_start(sounds: _Compared, k: int) -> Drift | None:
     """Find start and clock of a sound whose delay is unknown; None if there is doubt.
 
     Candidates come from the loudness and from the waveform of the first minutes; windows of the
     whitened waveform decide between them. One is certain if enough windows agree on it, fewer
     where loudness or the whole waveform says the same, and if no other comes near it.
     """
-    one, other, rate = tracks[0], tracks[k], tracks.rate
-    starts = tracks.starts[0], tracks.starts[k]
+    one, other, rate = sounds.first, sounds.compared(k), sounds.low.rate
+    starts = sounds.starts[0], sounds.starts[k]
     if min(len(one), len(other)) <= 2 * matching.WHITENING_BINS:
         return None
     loud, is_clear = _match_loudness(one, other, rate)
@@ -329,12 +317,9 @@ def _find_start(tracks: _Tracks, k: int) -> Drift | None:
     return best if by_room or (agreeing and len(best.times) >= enough) else None
 
 
-def _by_stamps(found: Drift | None, stamped: _Tracks, k: int) -> Drift | None:
+def _by_stamps(found: Drift, starts: tuple[float, float], paces: tuple[float, float]) -> Drift:
     """Convert a drift between samples at their stated rates to one between time stamps."""
-    if found is None:
-        return None
-    (first, own), cut = (stamped.paces[0], stamped.paces[k]), stamped.low.cut
-    begin, its_begin = stamped.starts[0] - cut, stamped.starts[k] - cut
+    (begin, its_begin), (first, own) = starts, paces
     times = its_begin + own * found.times
     there = begin + first * (found.times + found.delays)
     kept = first * (1 - found.drift) / own  # seconds of the first clock for one of the other

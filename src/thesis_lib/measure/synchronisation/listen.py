@@ -17,7 +17,6 @@ What that means for long recordings:
 """
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -46,53 +45,45 @@ VARIABLES = read_variables(__file__, "synchronisation")
 class LoadedAudio:
     """What was read of all recordings."""
 
-    low: audio.LowRate  #: At which the force is measured
-    starts: Array  #: Of the sound of each after its first frame, s, shape (recordings,)
-    ends: Array  #: Likewise
+    sounds: audio.Sounds  #: At the rate at which the force is measured
     #: Of each at some tens of samples per period; empty without a tone, shape (samples,)
     tones: list[audio.Track]
     tone_rate: float  #: Sample rate of the tones in Hz
     tone_start: float  #: When the tones' first samples come after the first samples of the files, s
-    sources: list[str]  #: Which track and channels each one's sound is, empty if all
+
+    @property
+    def starts(self) -> Array:
+        """Return when the sound of each starts after its first frame, s, shape (recordings,)."""
+        return np.array([one.start for one in self.sounds.tracks])
+
+    @property
+    def ends(self) -> Array:
+        """Return when it ends, likewise."""
+        return np.array([one.start + one.samples / one.rate for one in self.sounds.tracks])
 
 
 def load_audio(recordings: Sequence[audio.AudioSource], frequency: float | None) -> LoadedAudio:
-    """Read and check all tracks, and hold their tone of a frequency in Hz; None in a room.
+    """Check all tracks, and hold their tone of a frequency in Hz; None in a room.
 
-    Raises
-    ------
-    MediaError, SynchronisationError
-        If a track is missing, too short, silent or clipped.
+    A track that is missing, too short, silent or clipped raises an error.
     """
     shortest = 4 * BUTTON_SOUND_S if frequency is None else 2.5 / frequency
     wanted = tones.TONE_RATE * (frequency or 0.0)
-    held = []
-    with ExitStack() as opened:
-        files = [opened.enter_context(recording.opened()) for recording in recordings]
-        low = audio.common_rate(
-            [file.rate for file in files], max(matching.CORRELATION_RATE, wanted)
-        )
-        slow = audio.common_rate([low.rate], wanted or low.rate)
-        for recording, file in zip(recordings, files, strict=True):
-            audio.check_sound(file, shortest, recording.name)
-            if frequency is not None:
-                if not 0 < tones.MIN_SAMPLES_PER_PERIOD * frequency <= file.rate:
-                    raise audio.SynchronisationError(
-                        f"excitation.frequency_hz: given {frequency:g}, allowed: at most "
-                        f"{file.rate / tones.MIN_SAMPLES_PER_PERIOD:g} Hz, "
-                        f"{tones.MIN_SAMPLES_PER_PERIOD} samples of the sound per period"
-                    )
-                blocks = low.reduce(file.blocks, file.rate)
-                held.append(audio.join_blocks(slow.reduce(blocks, low.rate)))
-    return LoadedAudio(
-        low=low,
-        starts=np.array([file.start for file in files]),
-        ends=np.array([file.start + file.samples / file.rate for file in files]),
-        tones=held,
-        tone_rate=slow.rate,
-        tone_start=low.cut + slow.cut,
-        sources=[file.source for file in files],
-    )
+    sounds = audio.Sounds(recordings, max(matching.CORRELATION_RATE, wanted))
+    low, held = sounds.low, []
+    slow = audio.common_rate([low.rate], wanted or low.rate)
+    for recording, track in zip(recordings, sounds.tracks, strict=True):
+        audio.check_sound(track, shortest, recording.name)
+    if frequency is not None:
+        fastest = min(sounds.rates) / tones.MIN_SAMPLES_PER_PERIOD
+        if not 0 < frequency <= fastest:
+            raise audio.SynchronisationError(
+                f"excitation.frequency_hz: given {frequency:g}, allowed: at most {fastest:g} Hz, "
+                f"{tones.MIN_SAMPLES_PER_PERIOD} samples of the sound per period"
+            )
+        every = [sounds.blocks(k) for k in range(len(recordings))]
+        held = [audio.join_blocks(slow.reduce(blocks, low.rate)) for blocks in every]
+    return LoadedAudio(sounds, held, slow.rate, low.cut + slow.cut)
 
 
 def match_recordings(
@@ -104,18 +95,15 @@ def match_recordings(
     matches best. Spans overlap by half, so that what all heard is within one if they started less
     than that apart. In a room only the first `ROOM_SPANS` are tried, without the buttons' sound.
     """
-    room, half = frequency is None, audio.SPAN_SAMPLES // 2
-    with ExitStack() as opened:
-        files = [opened.enter_context(recording.opened()) for recording in recordings]
-        wanted = matching.ROOM_RATE if room else matching.CORRELATION_RATE
-        low = audio.common_rate([file.rate for file in files], wanted)
-        tracks = [low.reduce(file.blocks, file.rate) for file in files]
-        if room:
-            edge = round(BUTTON_SOUND_S * low.rate)
-            last = (ROOM_SPANS + 1) * half + 2 * edge
-            heard = [audio.join_blocks(audio.part_of(one, edge, last))[:-edge] for one in tracks]
-        else:
-            heard = [*map(audio.join_blocks, tracks)]
+    half, every = audio.SPAN_SAMPLES // 2, range(len(recordings))
+    if frequency is None:
+        sounds = audio.Sounds(recordings, matching.ROOM_RATE)
+        edge = round(BUTTON_SOUND_S * sounds.low.rate)
+        last = (ROOM_SPANS + 1) * half + 2 * edge
+        heard = [sounds.read(k, edge, last)[:-edge] for k in every]
+    else:
+        sounds = audio.Sounds(recordings, matching.CORRELATION_RATE)
+        heard = [sounds.read(k) for k in every]
     end = min(len(heard[0]), max(map(len, heard[1:])))  # of the first one, or of all others
     found: dict[int, matching.Match] = {}
     for start in range(0, max(end - half, 1), half):
@@ -124,9 +112,9 @@ def match_recordings(
             if i in found and (found[i].certain or len(other) < half // 2):
                 continue
             if frequency is None:
-                match = matching.room_match(span[0], other, low.rate)
+                match = matching.room_match(span[0], other, sounds.low.rate)
             else:
-                match = matching.force_match(span[0], other, low.rate, frequency)
+                match = matching.force_match(span[0], other, sounds.low.rate, frequency)
             found[i] = max(found.get(i, match), match, key=lambda one: (one.certain, one.peak))
         if all(match.certain for match in found.values()):
             break
@@ -215,7 +203,7 @@ def synchronise_cameras(
         frequency=frequency,
         snr=min(one.snr for one in matches.values()),
         drifts=drifts,
-        sources=heard.sources,
+        sources=[one.source for one in heard.sounds.tracks],
     )
 
 
@@ -299,14 +287,12 @@ def _hear_force(
     part = tone[max(round(begin * rate), 0) : round(end * rate)]
     measured = tones.tone_frequency(part, rate, frequency)
     used = excitation.frequency_hz or measured
-    low_rate = heard.low.rate
-    zero = float(heard.starts[0]) + heard.low.cut
-    later = heard.tone_start - heard.low.cut
-    first, last = max(round((begin + later) * low_rate), 0), round((end + later) * low_rate)
-    begin, end = zero + first / low_rate, zero + (last - 1) / low_rate
-    with recordings[0].opened() as file:
-        part_blocks = audio.part_of(heard.low.reduce(file.blocks, file.rate), first, last)
-        force, _ = tones.fit_tone(part_blocks, low_rate, used, -begin)
+    low = heard.sounds.low
+    zero, later = float(heard.starts[0]) + low.cut, heard.tone_start - low.cut
+    first, last = max(round((begin + later) * low.rate), 0), round((end + later) * low.rate)
+    begin, end = zero + first / low.rate, zero + (last - 1) / low.rate
+    blocks = audio.part_of(heard.sounds.blocks(0), first, last)
+    force, _ = tones.fit_tone(blocks, low.rate, used, -begin)
     most, rest = max(begin - max(float(found.delays.max()), 0.0), 0.0), excitation.rest_duration_s
     if steady is None and rest > most + 1e-6:
         raise ManifestError(
@@ -325,19 +311,17 @@ def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource]) -> flo
     wanted = max(matching.CORRELATION_RATE, tones.MIN_SAMPLES_PER_PERIOD * slowest / 2)
     found = []
     for recording in recordings:
-        with recording.opened() as file:
-            low = audio.common_rate([file.rate], wanted)
-            audio.check_sound(file, MIN_AUDIO_S, recording.name)
-            track = audio.join_blocks(low.reduce(file.blocks, file.rate))
-            start = file.start + low.cut
+        sounds = audio.Sounds([recording], wanted)
+        audio.check_sound(sounds.tracks[0], MIN_AUDIO_S, recording.name)
+        track, rate, start = sounds.read(0), sounds.low.rate, sounds.starts[0]
         part = steady and (steady[0] - start, steady[1] - start)
         try:
-            found.append(tones.find_tone(track, low.rate, recording.name, part))
+            found.append(tones.find_tone(track, rate, recording.name, part))
         except audio.SynchronisationError:
             if not found or part is None:
                 raise
             # The interval counts on the first one's clock; when this one started is not known yet.
-            found.append(tones.find_tone(track, low.rate, recording.name))
+            found.append(tones.find_tone(track, rate, recording.name))
         (first, _), (tone, seconds) = found[0], found[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
             raise audio.SynchronisationError(
