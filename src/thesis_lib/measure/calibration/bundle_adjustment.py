@@ -351,10 +351,8 @@ def align_cameras(
     -------
     cameras : tuple of Camera
         In the true cameras' frame.
-    centres : ndarray, shape (cameras, 3)
-        Errors of the centres of projection, m.
-    rotations : ndarray, shape (cameras, 3)
-        Errors of the orientations about the cameras' axes, rad.
+    centres, rotations : ndarray, shape (cameras, 3)
+        Errors of the centres of projection, m, and of orientations about the cameras' axes, rad.
     """
     A, B = (np.array([c.centre for c in group]) for group in (cameras, truth))
     a, b = A.mean(axis=0), B.mean(axis=0)
@@ -381,10 +379,8 @@ def camera_deviations(network: Network, covariance: Array) -> tuple[Array, Array
 
     Returns
     -------
-    centres : ndarray, shape (cameras, 3)
-        Along the axes of the network's frame, m.
-    rotations : ndarray, shape (cameras, 3)
-        About the camera's own axes, rad.
+    centres, rotations : ndarray, shape (cameras, 3)
+        Along the axes of the network's frame, m, and about each camera's own axes, rad.
     """
     n = len(network.cameras)
     weight = np.zeros(network.unknowns)

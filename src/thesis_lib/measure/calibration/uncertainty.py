@@ -19,7 +19,6 @@ effect differs from pose to pose: deviations grow in proportion to the bend, but
 times smaller than the errors.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +27,6 @@ import scipy
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import bundle_adjustment as bundle
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.pinhole import Camera
 
 # Shots that the jackknife needs: with fewer, a direction often has too little by chance
 MIN_JACKKNIFE_IMAGES = 5
@@ -187,25 +185,20 @@ def jackknife_rig(
     states; NaN where that is not known.
     """
     used = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]
-    points = board.corners_in_images(used)
+    points = bundle.spread_points(board.corners_in_images(used), used)
     if full.deviations.any():  # the lenses are adjusted, too: once more, from where they are now
         return jackknife_cameras(used, points, bundle.adjust_bundle(used, points, full.cameras))
     cameras = jackknife_cameras(used, points, full)
     if lens_covariance is None:
-        lens_covariance = _lenses_alone(used, points, full.cameras)
+        blocks = []
+        for k, camera in enumerate(full.cameras):
+            seen = np.isfinite(used[k]).any(axis=(1, 2))
+            uv, X = used[k : k + 1, seen], points[k : k + 1, seen]
+            alone = jackknife_cameras(uv, X, bundle.adjust_bundle(uv, X, [camera]))
+            blocks.append(alone.covariance[bundle.POSE_UNKNOWNS :, bundle.POSE_UNKNOWNS :])
+        lens_covariance = np.asarray(scipy.linalg.block_diag(*blocks))
     if np.isfinite(lens_covariance).all():
         covariance = with_lenses(used, points, full, lens_covariance, cameras.covariance)
         cameras = replace(cameras, covariance=covariance)
     deviations = np.sqrt(np.diag(lens_covariance)).reshape(-1, bundle.LENS_UNKNOWNS)
     return replace(cameras, deviations=deviations)
-
-
-def _lenses_alone(observations: Array, points: Array, cameras: Sequence[Camera]) -> Array:
-    """Return the covariance of lenses that each camera's own images determine, (8 n, 8 n)."""
-    blocks, points = [], bundle.spread_points(points, observations)
-    for k, camera in enumerate(cameras):
-        seen = np.isfinite(observations[k]).any(axis=(1, 2))
-        uv, X = observations[k : k + 1, seen], points[k : k + 1, seen]
-        alone = jackknife_cameras(uv, X, bundle.adjust_bundle(uv, X, [camera]))
-        blocks.append(alone.covariance[bundle.POSE_UNKNOWNS :, bundle.POSE_UNKNOWNS :])
-    return np.asarray(scipy.linalg.block_diag(*blocks))

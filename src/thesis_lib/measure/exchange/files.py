@@ -49,7 +49,11 @@ def write_formats(
     if moved is not None:
         storage.write_netcdf(moved, folder / "motion.nc")
         history.write_csv(folder / "motion.csv", moved)
-        write_motion(folder / "motion.uff", data, moved)
+        # In m along Z: datasets 151, 164, 15, 82 and 58. 0 stands for what is missing, since the
+        # format has no sign for that, and a marker that is never seen is left out.
+        rows = (moved["displacement"].sel(axis="z").values.T / 1e3).astype(float)
+        responses = _responses(_title_of(moved), moved["time"].values, rows)
+        _write_sets(folder / "motion.uff", _title_of(moved), data, responses)
     if "receptance_real" in data:
         write_response(folder / "response.uff", data)
     elif "mode" in data.dims:
@@ -206,17 +210,6 @@ def write_uff(path: Path, data: xr.Dataset) -> None:
         period = np.real(shape[:, None] * np.exp(2j * np.pi * frequency * times))
         sets += _responses(name, times, period)
     _write_sets(path, name, data, sets)
-
-
-def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
-    """Write the measured time history of every marker: datasets 151, 164, 15, 82 and 58.
-
-    Deflections along Z are written, in m; 0 stands for what is missing, since the format has no
-    sign for that, and a marker that is never seen is left out.
-    """
-    rows = (moved["displacement"].sel(axis="z").values.T / 1e3).astype(float)
-    name = _title_of(moved)
-    _write_sets(path, name, data, _responses(name, moved["time"].values, rows))
 
 
 def write_response(path: Path, data: xr.Dataset) -> None:

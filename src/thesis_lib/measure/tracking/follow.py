@@ -178,7 +178,12 @@ def trackers_of(
     frames. Without any a :class:`Follower` follows them in the full frames. Notes tell at which
     width the markers are not found as they should be, and why.
     """
-    view, notes = _first_view(image, camera, markers, corners_px), []
+    if corners_px is None:
+        view = homography.find_view(image, camera, markers)
+    else:
+        corners = undistort_pixels(camera, np.array(corners_px, float).T)
+        view = homography.view_of(camera, markers, corners)
+    view, notes = discs.sharpen_view(image, view), []
     if not shares:
         return [Follower(discs.Tracker(view, turn), image)], []
     trackers: list[discs.Tracker] = []
@@ -213,13 +218,3 @@ def reduce_frame(image: Image, width: int) -> Image:
     if factor != int(factor):
         image = np.asarray(cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR))
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
-
-
-def _first_view(
-    image: Image, camera: Camera, markers: Markers, corners_px: Sequence[tuple[float, float]] | None
-) -> homography.View:
-    """Estimate the camera's view of the structure in its first frame, from corners and markers."""
-    if corners_px is None:
-        return discs.sharpen_view(image, homography.find_view(image, camera, markers))
-    corners = undistort_pixels(camera, np.array(corners_px, float).T)
-    return discs.sharpen_view(image, homography.view_of(camera, markers, corners))
