@@ -174,12 +174,12 @@ def _read_marks(image: Image, name: str) -> tuple[cv2.aruco.Dictionary, Any, Any
 
 def _describe_other_marks(image: Image, name: str, count: int) -> str:
     """Say which marks are seen instead on a board that has so many; fewer may be by chance."""
-    mirrored = len(_read_marks(np.ascontiguousarray(image[:, ::-1]), name)[1])
-    if 2 * mirrored >= count:
-        return f", but {mirrored} mirrored: it is seen from the back, or the camera mirrors"
-    for other in _COMMON_DICTIONARIES:
-        if 2 * (seen := len(_read_marks(image, f"DICT_{other}")[1])) >= count:
-            return f", but {seen} of DICT_{other}"
+    mirrored = "mirrored: it is seen from the back, or the camera mirrors"
+    tries = [(np.ascontiguousarray(image[:, ::-1]), name, mirrored)]
+    tries += [(image, f"DICT_{other}", f"of DICT_{other}") for other in _COMMON_DICTIONARIES]
+    for shown, dictionary, what in tries:
+        if 2 * (seen := len(_read_marks(shown, dictionary)[1])) >= count:
+            return f", but {seen} {what}"
     return ""
 
 

@@ -132,7 +132,7 @@ def _values(path: Path) -> dict[str, Any]:
     try:
         values = parse(text_files.read_text(path))
     except (OSError, text_files.TextFileError) as error:
-        why = error if isinstance(error, text_files.TextFileError) else error.strerror
+        why = getattr(error, "strerror", None) or error
         raise ManifestError(
             f"{path}: not a calibration that can be read ({why}), allowed: {CALIBRATION_KINDS}, "
             f"{OWN_FILE}"

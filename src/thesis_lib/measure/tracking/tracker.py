@@ -374,25 +374,20 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
     across = ellipses[:, 1] / tall[:, None]
     lean = np.sum(ellipses[:, 0] * across, axis=1)[:, None] * sine
     wide = np.abs(np.linalg.det(ellipses) / tall)[:, None] * cosine
-    # A pixel ends where the next begins, so what is wanted is taken at the borders.
+    # A pixel ends where the next begins, so what is wanted is taken at the borders, one px apart.
+    columns, rows = (np.hstack([x - HALF_PIXEL, x[:, -1:] + HALF_PIXEL]) for x in (u, v))
     ends = (
-        (_pixel_borders(u)[:, None, :] - (lean + side * wide)[:, :, None]) / blur
-        for side in (-1, 1)
+        (columns[:, None, :] - (lean + side * wide)[:, :, None]) / blur for side in (-1, 1)
     )  # (n, chords, columns + 1)
     left, right = (_ramp_and_normal(x) for x in ends)
     along, d_along = np.diff(left - right)
     # (n, rows + 1, chords)
-    offset = (_pixel_borders(v)[:, :, None] - tall[:, None, None] * sine) / blur
+    offset = (rows[:, :, None] - tall[:, None, None] * sine) / blur
     spread = np.diff(scipy.special.ndtr(offset), axis=1)
     d_spread = -np.diff(_normal_density(offset), axis=1) / blur
     chord = tall[:, None, None] * weights * cosine * np.pi / 2
     along, spread, d_spread = blur * along, chord * spread, chord * d_spread
     return np.stack([spread @ along, -spread @ d_along, d_spread @ along])
-
-
-def _pixel_borders(x: Array) -> Array:
-    """Return borders (n, m + 1) of pixels with centres x (n, m), one px apart."""
-    return np.concatenate([x - HALF_PIXEL, x[:, -1:] + HALF_PIXEL], axis=1)
 
 
 def _normal_density(x: Array) -> Array:

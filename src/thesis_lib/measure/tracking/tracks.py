@@ -102,13 +102,10 @@ def record_track(
     try:
         trackers, notes = follow.trackers_of(first, camera, markers, files.corners_px, turn, shares)
     except homography.TrackingError as error:
-        advice = "are structure.markers and corners_px as filmed?"
-        if not files.corners_px:
-            advice = (
-                "are structure.markers as filmed? If so, the light may be uneven: click the "
-                "corners in the page that thesis measure --check writes, and give corners_px"
-            )
-        raise homography.TrackingError(f"{video}: frame 0: {error}; {advice}") from None
+        raise homography.TrackingError(
+            f"{video}: frame 0: {error}; are structure.markers as filmed, and corners_px? Under "
+            "uneven light they are needed: thesis measure --check writes a page to click them in"
+        ) from None
     shape = (len(clock), *([2 * len(shares)] if shares else []), 2, markers.count)
     steps, across = np.zeros((2, len(clock)))
 
