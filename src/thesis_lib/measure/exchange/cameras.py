@@ -284,19 +284,15 @@ def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
     except ManifestError as error:
         raise ManifestError(f"calibration: {error}") from None
     names = [one.name for one in found.cameras]
-    order = []
-    for camera in manifest.cameras:
-        if names.count(camera.name) != 1:
+    there = [(one.name, one.size) for one in found.cameras]
+    for name, size in ((camera.name, camera.size) for camera in manifest.cameras):
+        if names.count(name) != 1 or (name, size) not in there:
+            listed = ", ".join(f"{one} of {width} × {height} px" for one, (width, height) in there)
             raise ManifestError(
-                f"calibration: {path}: {names.count(camera.name)} cameras {camera.name} in it, "
-                f"allowed: one; there are {', '.join(names)}"
+                f"calibration: {path}: has cameras {listed}, allowed: one {name} of "
+                f"{size[0]} × {size[1]} px, as the manifest says"
             )
-        order.append(names.index(camera.name))
-        if (given := found.cameras[order[-1]].size) != camera.size:
-            raise ManifestError(
-                f"calibration: {path}: camera {camera.name} is of {given[0]} × {given[1]} px, "
-                f"allowed: {camera.size[0]} × {camera.size[1]} px as the manifest says"
-            )
+    order = [names.index(camera.name) for camera in manifest.cameras]
     if asked.poses == "kept" and not found.placed:
         raise ManifestError(
             f"calibration: {path}: does not say where all cameras are, allowed: poses: anew, with "
