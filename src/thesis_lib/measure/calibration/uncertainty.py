@@ -58,12 +58,8 @@ def jackknife_cameras(
         ``deviations`` are from there, widened so that twice them cover 95 %.
     """
     n, own = len(adjustment.cameras), of_cameras(adjustment)
-    alone = replace(
-        adjustment,
-        rotations=adjustment.rotations[:0],
-        translations=adjustment.translations[:0],
-        covariance=own,
-    )
+    boards = {name: getattr(adjustment, name)[:0] for name in ("rotations", "translations")}
+    alone = replace(adjustment, covariance=own, **boards)
     free = np.diag(own) > 0
     units = np.sqrt(np.diag(own)[free])
     matrices, sides = _image_contributions(observations, points, adjustment)

@@ -57,9 +57,7 @@ class Found:
 
     cameras: list[Camera]  #: In one frame, m
     placed: bool  #: Whether the file says where they are
-    #: Of their poses, then lenses:
-    #: :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`
-    covariance: Array | None = None
+    covariance: Array | None = None  #: Of their poses, then lenses, if it is known
 
 
 def read_cameras(path: Path, unit: str | None = None) -> Found:
@@ -90,9 +88,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
             told = np.isfinite(data["focal_deviation"].values).all()
             return Found(cameras_in(data), True, covariance_of(data) if told else None)
         except (cubes.CubeError, KeyError):
-            raise ManifestError(
-                f"{files[0]}: no calibration, allowed: one that was measured"
-            ) from None
+            raise ManifestError(f"{files[0]}: no calibration of a measurement") from None
     cameras, placed = [], []
     for file in files:
         values = _values(file)

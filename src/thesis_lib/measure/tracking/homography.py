@@ -39,8 +39,9 @@ class View:
 
     def to_plane(self, uv: ArrayLike) -> Array:
         """Return the points (2, ...) of the plane in m of pixels (2, ...)."""
-        H_plane_image = np.linalg.inv(self.H_image_plane)
-        return apply_homography(H_plane_image, undistort_pixels(self.camera, uv))
+        return apply_homography(
+            np.linalg.inv(self.H_image_plane), undistort_pixels(self.camera, uv)
+        )
 
     def stretch(self, plane: ArrayLike) -> Array:
         """Return the derivative of :meth:`to_image` at (2, n), shape (2, 2, n), in px/m."""
@@ -113,10 +114,7 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
 
     In the order of the beam's frame: (0, 0), (L, 0), (L, W), (0, W).
     """
-    try:
-        return View(camera, markers, fit_homography(markers.corners, corners))
-    except TrackingError as error:
-        raise TrackingError(f"camera {camera.name}: the beam's corners: {error}") from None
+    return View(camera, markers, fit_homography(markers.corners, corners))
 
 
 def _find_quadrilateral(image: Image, camera: Camera) -> Array:

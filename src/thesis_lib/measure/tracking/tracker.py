@@ -56,10 +56,7 @@ def sharpen_view(image: Image, view: View) -> View:
                 f"camera {name}: only {count} of {grid.shape[1]} markers are found in the first "
                 "frame"
             )
-        try:
-            H = fit_homography(grid, undistort_pixels(view.camera, centres))
-        except TrackingError as error:
-            raise TrackingError(f"camera {name}: the markers found: {error}") from None
+        H = fit_homography(grid, undistort_pixels(view.camera, centres))
         view = replace(view, H_image_plane=H)
     rows = [centres[0, row] for row in view.markers.rows]
     corners = view.markers.corners
