@@ -235,9 +235,7 @@ class Adjustment(Network):
     #: Seen minus computed, px; NaN where absent, shape (cameras, shots, 2, points)
     residuals: Array
     rms: float  #: Root mean square residual per coordinate, px
-    #: Standard deviation of a coordinate that the residuals speak of, px: as the rms, but over the
-    #: degrees of freedom
-    sigma: float
+    sigma: float  #: The same over the degrees of freedom, px
     #: Standard deviations of f_x, f_y, c_x, c_y (px), k₁, k₂, p₁, p₂; 0 where held fixed, shape
     #: (cameras, 8)
     deviations: Array

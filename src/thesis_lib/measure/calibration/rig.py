@@ -34,7 +34,7 @@ _LEAST_TILT = np.radians(4.0)  # between the two boards that differ most
 # Largest standard deviation of a focal length over it: real boards leave 0.0006 (13 or 29 images),
 # a webcam 0.007, five images of a bent board 0.008.
 _LEAST_PRECISION = 0.05
-_LITERAL_TILES = (5, 7)  # squares used in the thesis, Appendix D
+_LITERAL_CORNERS = (6, 8)  # of the squares used in the thesis, Appendix D
 _MAX_FIT_TILES = 0.2  # most rms distance between one board seen by two cameras, over a tile
 _MIN_DISTINCT_RATIO = 2.0  # how many times worse the next best rig has to be
 _MOST_OFF = 1 / 3  # share of the shared poses from which on it is not they that are wrong
@@ -49,9 +49,7 @@ class Calibration:
     """One camera, calibrated by itself."""
 
     lens: Camera  #: Its intrinsics and distortion, k₃ being 0; the pose is not used
-    #: From the board to the camera in each calibration image, shape (shots, 3, 3); NaN where the
-    #: board was not found
-    rotations: Array
+    rotations: Array  #: From each image's board to the camera, (shots, 3, 3); NaN without a board
     translations: Array  #: The board's centre in the camera, m, shape (shots, 3); NaN likewise
     rms: float  #: Root mean square residual per coordinate, px
     deviations: Array  #: Standard deviations of f_x, f_y, c_x and c_y in px, shape (4,)
@@ -122,7 +120,7 @@ def central_corners(board: Board) -> IntArray:
     A board with fewer corners raises a :class:`CalibrationError`.
     """
     nx, ny = board.shape
-    mx, my = _LITERAL_TILES[0] + 1, _LITERAL_TILES[1] + 1
+    mx, my = _LITERAL_CORNERS
     if nx < mx or ny < my:
         raise CalibrationError(f"board: given {nx} by {ny} corners, needs {mx} by {my} or more")
     index = np.arange(nx * ny).reshape(ny, nx)

@@ -223,10 +223,9 @@ def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
     """Return a signal less itself one period before, which cancels a steady tone.
 
     Unlike a fitted sinusoid, it needs no stretch over which the tone is steady and leaves no step
-    at its ends; it removes harmonics and offsets, too, and forgives a frequency that drifts. Of an
-    onset it leaves how much the tone grows in each period. The period need not be whole samples:
-    two neighbours are weighted so that the tone itself is removed exactly. The residual, as long as
-    the signal (samples,) less a period, starts a period later.
+    at its ends; it removes harmonics and offsets, too, and forgives a frequency that drifts. The
+    period need not be whole samples: two neighbours are weighted so that the tone itself is removed
+    exactly. The residual, as long as the signal (samples,) less a period, starts a period later.
     """
     m = int(rate / frequency)
     w = 2 * np.pi * frequency / rate * np.array([m, m + 1])
@@ -242,8 +241,7 @@ def design_whitening(x: Signal, rate: float) -> Signal:
 
     The background is the median over time of short spectra, so that hum and rumble weigh no more
     than their share of the band and a clap stays what it is. Beyond 0.7 of the highest frequency
-    less and less is left. Of a long signal :data:`SPECTRUM_PIECES` pieces are looked at. The taps
-    (WHITENING_BINS,) are of a filter whose delay is :data:`WHITENING_DELAY` samples.
+    less and less is left. The taps (WHITENING_BINS,) delay by :data:`WHITENING_DELAY` samples.
     """
     step = len(x) // SPECTRUM_PIECES
     if step > 2 * WHITENING_BINS:

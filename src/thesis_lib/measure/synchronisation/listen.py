@@ -128,14 +128,11 @@ class Synchronisation:
     delays: Array  #: Start of each camera minus that of the first, s, shape (cameras,)
     #: The most doubtful of all cameras with the first one; None: nothing was heard
     match: matching.Match | None = None
-    #: Of the tone, Hz; whole periods are what may be in doubt; None in a room
-    frequency: float | None = None
-    #: Signal-to-noise power ratio up to half of the correlation's rate, the smallest of all
-    snr: float = np.nan
+    frequency: float | None = None  #: Of the tone, Hz; None in a room
+    snr: float = np.nan  #: Smallest :attr:`~.delays.Match.snr` of all
     #: Of recordings whose clocks drift too far for one delay, which is then that in the middle
     drifts: Mapping[int, Drift] = field(default_factory=dict)
-    #: Which track, channels and pace each one's sound has, empty where all is as stated
-    sources: Sequence[str] = ()
+    sources: Sequence[str] = ()  #: Of each one's sound, empty where all is as stated
 
     @property
     def ambiguous(self) -> bool:
