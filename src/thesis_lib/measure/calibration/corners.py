@@ -107,7 +107,7 @@ def _tiles_continue(image: Image, corners: Array) -> bool:
         np.where(w > 0, side / w - HALF_PIXEL, -9).reshape(len(w), -1).astype(np.float32)
         for side in (u, v)
     )
-    grey = cv2.remap(image.astype(float), column, row, cv2.INTER_NEAREST, borderValue=np.nan)
+    grey = cv2.remap(image.astype(np.float32), column, row, cv2.INTER_NEAREST, borderValue=np.nan)
     tiles = grey.reshape(w.shape).mean(axis=2)
     for sides in (tiles[:, 1:-1], tiles[1:-1].T):
         parity = (-1.0) ** np.arange(sides.shape[1])
