@@ -242,6 +242,22 @@ def test_it_is_the_full_jackknife_without_a_refit(conforms, cameras):
     conforms.independent(stated / jackknife.refitted(uv, POINTS, full), 1, atol=0.1)
 
 
+def test_frame_and_order_do_not_matter(conforms):
+    uv = observations(0.02, 1)
+    full = bundle.adjust_bundle(uv, POINTS, rig())
+    R, t = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.array([2.0, -1.0, 0.5])
+    own, other = (
+        jackknife_cameras(uv, POINTS, one)
+        for one in (full, jackknife.transform_adjustment(full, R, t))
+    )
+    conforms.invariance(other.deviations, own.deviations, rtol=1e-6)
+    mixed = np.random.default_rng(0).permutation(12)
+    back = jackknife_cameras(
+        uv[:, mixed], POINTS, bundle.adjust_bundle(uv[:, mixed], POINTS, rig())
+    )
+    conforms.invariance(back.deviations, own.deviations, rtol=1e-5)
+
+
 def test_a_shot_that_nothing_can_do_without_widens_all(conforms):
     """A camera that a single shot ties to the others: without it there is no answer."""
     uv = observations(0.02)

@@ -13,7 +13,7 @@ import pytest
 from scenes import own
 from scenes.foreign import photographs, povray
 from scenes.foreign.recording import RATE, Scene
-from scenes.jackknife import deviations_of, differences
+from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import find_corners
@@ -102,6 +102,18 @@ def test_all_photographed_boards_are_found_and_fit_better_than_by_opencv(conform
 
 
 @needs_photographs
+def test_adjustment_of_photographs_is_what_opencv_finds_from_the_same_corners(conforms, pair):
+    left, right = ([(uv - 0.5).T[:, None].astype(np.float32) for uv in row]
+                   for row in pair.corners)  # fmt: skip
+    lenses, baseline, rms = stereo(left, right, TILES.corners.T)
+    ours = np.array([lens_of(c.K, c.distortion) for c in pair.full.cameras])
+    conforms.independent(np.abs((ours - lenses) / pair.full.deviations).max(), below=0.01)
+    a, b = (camera.centre for camera in pair.full.cameras)
+    conforms.independent(np.linalg.norm(a - b), baseline, atol=1e-8)
+    conforms.independent(pair.full.rms, rms, rtol=1e-5)
+
+
+@needs_photographs
 def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(conforms, pair):
     lenses, baseline, _ = stereo(*pair.opencv, GRID)
     ours = np.array([lens_of(c.K, c.distortion) for c in pair.full.cameras])
@@ -116,6 +128,18 @@ def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(conf
     # Its focal length is one for both axes and goes with a k₃, which trades with the others.
     conforms.independent(ours[0, :2], theirs[:2], rtol=5e-3)
     conforms.independent(ours[0, 2:4], theirs[2:4], atol=1)
+
+
+@needs_photographs
+@pytest.mark.parametrize("sides", [[0], [0, 1]])
+def test_stated_deviations_are_those_of_refits_without_each_photograph(conforms, pair, sides):
+    corners = pair.corners[sides]
+    full = adjust_bundle(corners, TILES.corners, [pair.single[k].lens for k in sides])
+    known = refitted(corners, TILES.corners, full)
+    stated = of_covariance(jackknife_cameras(corners, TILES.corners, full))
+    conforms.independent(stated / known, 1, atol=0.05)  # 0.977 to 1.021
+    # Of independent corners: a quarter to three quarters.
+    conforms.independent(deviations_of(full) / known, below=0.8)
 
 
 @pytest.mark.nightly

@@ -297,6 +297,27 @@ def test_a_clap_is_found_through_a_louder_hum(conforms):
 # The frequency of a tone that is sought.
 
 
+@pytest.mark.slow
+def test_what_repeats_or_is_not_shared_is_refused_in_a_room():
+    rng = np.random.default_rng(0)
+    n = 8 * RATE
+    t = np.arange(n) / RATE
+    rattle = np.zeros(n + RATE)
+    knock = rng.standard_normal(300) * np.exp(-np.arange(300) / 80)
+    for k in range(0, len(rattle) - 300, round(PERIOD * RATE)):
+        rattle[k : k + 300] += knock
+    pairs = {
+        "noise": [noise_of(rng, n, 0), noise_of(rng, n, 0)],
+        "rumble": [noise_of(rng, n, 3), noise_of(rng, n, 3)],
+        "hum": [hum(t) + 0.1 * noise_of(rng, n, 1), hum(t + 0.3) + 0.1 * noise_of(rng, n, 1)],
+        "rattle": [rattle[s : s + n] + 0.1 * noise_of(rng, n, 0) for s in (0, 20000)],
+    }
+    for signals in pairs.values():
+        given = [0.05 * x for x in signals], RATE
+        line = line_of(SynchronisationError, synchronise_sounds, *given)
+        assert "recording 1: no sound in it matches" in line
+
+
 @pytest.mark.parametrize("frequency", [0.7, 212.0])
 def test_a_tone_is_found_and_its_error_is_the_noise_s(conforms, frequency):
     """Over draws, the error over its stated deviation scatters by 1."""

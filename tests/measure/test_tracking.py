@@ -462,3 +462,27 @@ def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
     conforms.independent(view.to_image(plane), pinhole.project_points(at, world), atol=1e-3)
     conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
+
+
+def stripes(image, depth, phase):
+    """A frame in light that flickers at 100 Hz, read row by row in 16 ms."""
+    at = np.arange(image.shape[0])[:, None] / image.shape[0] * 1.6 + phase
+    gain = 1 - depth + depth * np.sin(2 * np.pi * at)
+    return np.clip(image * gain, 0, 255).astype(np.uint8)
+
+
+def shaded(image):
+    """A frame in the light of a lamp at its left."""
+    return (image * np.geomspace(1, 0.25, image.shape[1])).astype(np.uint8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("light", ["by rows", "shaded"])
+def test_the_beam_is_found_in_uneven_light(conforms, rest, light):
+    at, image, _, exact = rest
+    for phase in (0.0, 0.3):
+        seen = shaded(image) if light == "shaded" else stripes(image, 0.25, phase)
+        found = following.first_view(seen, at, MARKERS, None)
+        centres = Tracker(found).centres(seen)
+        conforms.closed_form(np.nanmax(off(centres, exact)), below=0.15)
+        assert np.isfinite(centres).mean() > 0.95

@@ -1,11 +1,15 @@
 """Calibrations compared: how far they are apart, and how far they say they may be."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from thesis_lib.measure.calibration.bundle_adjustment import (
+    POSE_UNKNOWNS,
     adjust_bundle,
     align_cameras,
     camera_deviations,
+    transform_network,
 )
 
 
@@ -44,3 +48,22 @@ def refitted(observations, points, full):
     ]
     apart = np.array([differences(cameras, full.cameras) for cameras in rest])
     return np.sqrt((count - 1) * np.var(apart, axis=0))
+
+
+def transform_adjustment(adjustment, rotation, translation):
+    """The adjustment and its covariance transformed to X' = rotation X + translation."""
+    network = transform_network(adjustment, rotation, translation)
+    T = np.eye(len(adjustment.covariance))
+    n = len(network.cameras)
+    for k in range(n + len(network.rotations)):
+        a, b, c = k * POSE_UNKNOWNS, k * POSE_UNKNOWNS + 3, (k + 1) * POSE_UNKNOWNS
+        T[b:c, b:c] = rotation
+        if k >= n:  # a board turns about the world's axes, a camera about its own
+            T[a:b, a:b] = rotation
+    return replace(
+        adjustment,
+        cameras=network.cameras,
+        rotations=network.rotations,
+        translations=network.translations,
+        covariance=T @ adjustment.covariance @ T.T,
+    )

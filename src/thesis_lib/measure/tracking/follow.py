@@ -161,6 +161,27 @@ class Follower:
         return uv[:, :count]
 
 
+def first_view(
+    image: Image, camera: Camera, markers: Markers, corners_px: Sequence[tuple[float, float]] | None
+) -> homography.View:
+    """Estimate the camera's view of the structure in its first frame, from corners and markers.
+
+    Corners that are not given are looked for in the frame as it is, then with even light.
+    """
+    if corners_px is not None:
+        corners = undistort_pixels(camera, np.array(corners_px, float).T)
+        return discs.sharpen_view(image, homography.view_of(camera, markers, corners))
+    failures: list[homography.TrackingError] = []
+    for even in homography.even_light(image):
+        try:
+            return discs.sharpen_view(image, homography.find_view(even, camera, markers))
+        except homography.TrackingError as error:
+            failures.append(error)
+        if markers.hole is None:  # nothing tells the ends apart in any light
+            break
+    raise failures[0]
+
+
 def trackers_of(
     image: Image,
     camera: Camera,
@@ -178,12 +199,7 @@ def trackers_of(
     frames. Without any a :class:`Follower` follows them in the full frames. Notes tell at which
     width the markers are not found as they should be, and why.
     """
-    if corners_px is None:
-        view = homography.find_view(image, camera, markers)
-    else:
-        corners = undistort_pixels(camera, np.array(corners_px, float).T)
-        view = homography.view_of(camera, markers, corners)
-    view, notes = discs.sharpen_view(image, view), []
+    view, notes = first_view(image, camera, markers, corners_px), []
     if not shares:
         return [Follower(discs.Tracker(view, turn), image)], []
     trackers: list[discs.Tracker] = []

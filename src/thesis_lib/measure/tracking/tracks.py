@@ -103,8 +103,8 @@ def record_track(
         trackers, notes = follow.trackers_of(first, camera, markers, files.corners_px, turn, shares)
     except homography.TrackingError as error:
         raise homography.TrackingError(
-            f"{video}: frame 0: {error}; are structure.markers as filmed, and corners_px? Under "
-            "uneven light they are needed: thesis measure --check writes a page to click them in"
+            f"{video}: frame 0: {error}; are structure.markers as filmed, and corners_px? In "
+            "uneven light give them: thesis measure --check writes a page to click them in"
         ) from None
     shape = (len(clock), *([2 * len(shares)] if shares else []), 2, markers.count)
     steps, across = np.zeros((2, len(clock)))
