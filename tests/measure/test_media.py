@@ -92,7 +92,7 @@ def test_lossless_frames_and_sound_come_back_exactly(conforms, video):
     assert (rate, start) == (RATE, 0)
     conforms.invariance(samples, sound(), atol=0)
     info = probe_media(video)
-    assert (info.size, info.frame_rate, info.frames, info.codec) == (SIZE, 60, 30, "ffv1")
+    assert (info.size, info.frame_rate, info.frames) == (SIZE, 60, 30)
     assert info.duration == pytest.approx(0.5)
 
 

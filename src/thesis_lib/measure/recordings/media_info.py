@@ -26,10 +26,8 @@ _CAPTURE_RATE = re.compile(r"captur\w*[._ -]?(fps|frame[._ -]?rate)", re.IGNOREC
 _SONY_RATE = re.compile(rb'capture[Ff]ps="([0-9.]+)[pi]?"')  # in XML at the file's end
 PACKED_FROM = "packed from "  # begin of the title of a packed video; its film's name follows
 SONY_BYTES = 1 << 16  # bytes at either end of a file that are searched for it
-# Formats that FFmpeg opens and that hold no recording themselves, by its names for them
-NOT_RECORDINGS = {"tty": "a text"} | dict.fromkeys(
-    ("concat", "dash", "hls", "imf"), "a list of other files"
-)
+# Texts and lists of other files, which FFmpeg opens, by its names for them
+NOT_RECORDINGS = {"tty", "concat", "dash", "hls", "imf"}
 
 
 class MediaError(ValueError):
@@ -46,7 +44,6 @@ class VideoInfo:
     duration: float | None  #: Length of the video track in s, None if the file does not say
     #: When the sound ends after the first frame, s, None if the file does not say
     sound_end: float | None
-    codec: str  #: Name of the video codec
     has_audio: bool  #: Whether there is an audio track
     #: Whether even and odd lines of a frame were taken at different times
     interlaced: bool
@@ -61,14 +58,19 @@ def file_address(path: Path) -> str:
     return f"file:{path.absolute()}"
 
 
+def check_is_file(path: Path) -> None:
+    """Refuse a path at which there is no file."""
+    if not path.is_file():
+        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
+
+
 @contextmanager
 def open_media(path: Path) -> Iterator[InputContainer]:
     """Open a video or sound file for reading; no other file, and no network, is ever read for it.
 
     A :class:`MediaError` is raised if there is no such file, or it is no recording.
     """
-    if not path.is_file():
-        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
+    check_is_file(path)
     options = {"protocol_whitelist": "file", "pattern_type": "none"}  # a % in a name is a %
     try:
         file = av.open(file_address(path), options=options)
@@ -76,7 +78,7 @@ def open_media(path: Path) -> Iterator[InputContainer]:
         raise MediaError(f"{path}: not a video, or cut off before its index") from None
     with file:
         if file.format.name in NOT_RECORDINGS:
-            raise MediaError(f"{path}: {NOT_RECORDINGS[file.format.name]}, not a recording")
+            raise MediaError(f"{path}: a text or a list of other files, not a recording")
         yield file
 
 
@@ -87,14 +89,15 @@ def video_track(file: InputContainer, path: Path) -> av.VideoStream:
     pixels is taken, of equal ones the first. A :class:`MediaError` is raised if there is none.
     """
     still = Disposition.attached_pic | Disposition.timed_thumbnails
-    films = [track for track in file.streams.video if not track.disposition & still]
+    films = [
+        track
+        for track in file.streams.video
+        if not track.disposition & still and track.codec_context is not None  # as an SVG's is
+    ]
     if len(films) > 1:
         films = [film for film in films if _has_frames(path, film.index)] or films
     if not films:
-        raise MediaError(f"{path}: no video track")
-    films = [film for film in films if film.codec_context is not None]
-    if not films:  # an SVG, for one
-        raise MediaError(f"{path}: no decoder for its video track")
+        raise MediaError(f"{path}: no video track that can be decoded")
     stream = max(films, key=lambda film: film.width * film.height)
     stream.thread_type = "AUTO"
     return stream
@@ -180,10 +183,8 @@ def probe_media(path: Path) -> VideoInfo:
     A :class:`MediaError` is raised if there is no such file, or it is not a video with a frame that
     can be decoded.
     """
-    try:
-        now = path.stat()
-    except (OSError, ValueError):
-        raise MediaError(f"{path}: no such file") from None
+    check_is_file(path)
+    now = path.stat()
     return _probe(path, (now.st_ino, now.st_size, now.st_mtime_ns))
 
 
@@ -206,9 +207,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         if duration is not None:
             counts.append(round(duration * rate))
         sound = file.streams.audio[0] if file.streams.audio else None
-        depth = stored_depth = max((part.bits for part in first.format.components), default=8)
-        if stored_depth == 16:
-            depth = _depth_of(path)
+        depth = max((part.bits for part in first.format.components), default=8)
         size = (video.width, video.height)
         size = size[::-1] if orientation_of(first)[0] else size
         name, tracks, remarks = path.name, file.streams.video, []
@@ -222,22 +221,16 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
                 f"{name} was cut before a key frame: what comes before it cannot be decoded and "
                 "is left out."
             )
-        if depth < stored_depth:
-            remarks.append(
-                f"{name} stores grey levels of {depth} bits in {stored_depth}: 2^{depth} − 1 is "
-                "read as full scale."
-            )
         return VideoInfo(
             size=size,
             frame_rate=float(rate),
             frames=min(counts, default=None),  # an edit list may hide stored frames
             duration=duration,
             sound_end=None if sound is None else _end_of(sound, start),
-            codec=video.codec_context.name,
             has_audio=sound is not None,
             interlaced=first.interlaced_frame,
             start=start,
-            depth=depth,
+            depth=_depth_of(path) if depth == 16 else depth,
             captured_hz=_capture_rate(file, video, path),
             remarks=tuple(remarks),
         )
