@@ -24,7 +24,6 @@ from thesis_lib.measure.recordings.media_info import MediaError, probe_media, ra
 from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.studies.fields import describe_field
 from thesis_lib.templates import join_words
-from thesis_lib.text import has_hidden
 from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
 
 MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = 3, 12  # by each camera
@@ -66,7 +65,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
             f"{folder}: {len(videos)} videos, allowed: 2 to 16{others}; to plan before "
             "recording: -p cameras=4"
         )
-    manifest = manifests.validate_manifest(_values(folder, videos, given))
+    manifest = manifests.validate_manifest(_values(folder, videos, given), str(folder))
     asked = list_asked(manifest)
     if not any(is_slowed(probe_media(video)) for video in videos):
         asked = (*asked, "cameras.captured_hz")
@@ -145,7 +144,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
 def _shots(folder: Path, name: str, names: Sequence[str]) -> str | list[str] | None:
     """Return the folder or pattern of a camera's calibration images; None if there are none.
 
-    It is a list where the pattern has those of another camera, too: of `cam-2` for `cam`.
+    It is a list where a pattern has those of another camera, too, as of `cam-2` for `cam`.
     """
     others = tuple(f"{one}-" for one in names if one.startswith(f"{name}-"))
     inside = sorted(one for one in folder.rglob("*") if one.is_dir() and not is_hidden(one))
@@ -156,11 +155,11 @@ def _shots(folder: Path, name: str, names: Sequence[str]) -> str | list[str] | N
         named = find_images(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
         own = [file for file in named if not file.name.startswith(others)]
         kinds = {file.suffix for file in own}
-        if len(own) < len(named) and len(own) >= MIN_BOARD_IMAGES:
-            return [file.relative_to(folder).as_posix() for file in own]
-        if len(kinds) == 1 and len(own) == len(named):
+        if len(kinds) == 1 and own == named:
             start = glob.escape((place.relative_to(folder) / f"{name}-").as_posix())
             return f"{start}*{kinds.pop()}"
+        if len(own) >= MIN_BOARD_IMAGES:
+            return [file.relative_to(folder).as_posix() for file in own]
     return None
 
 
@@ -273,11 +272,10 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
             videos.append(file)
         else:
             lines.append(format_new("no-video", name=file.name))
-    names = {video.name for video in videos}
     packed = {media_info.source_of_packed(file): file.name for file in videos}
-    packed = {source: name for source, name in packed.items() if source in names}
-    lines += [f"passed over: {one}, since {packed[one]} was packed from it" for one in packed]
-    videos = [video for video in videos if video.name not in packed]
+    for source in [video for video in videos if video.name in packed]:
+        videos.remove(source)
+        lines.append(f"passed over: {source.name}, since {packed[source.name]} was packed from it")
     _check_names(folder, videos)
     return videos, lines
 
@@ -292,29 +290,17 @@ def _is_film(file: Path) -> bool:
 
 def _check_names(folder: Path, videos: Sequence[Path]) -> None:
     """Refuse videos whose names say that they are not of one camera each."""
-    stems: defaultdict[str, list[str]] = defaultdict(list)
-    films: defaultdict[str, list[str]] = defaultdict(list)
+    groups: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for video in videos:
-        if has_hidden(video.name):
-            raise ManifestError(
-                f"{folder}: the name {video.name!r}, allowed: characters that can be seen; rename"
-            )
-        stems[video.stem.casefold()].append(video.name)
+        why = "have one name, as one recording in two files has"
+        groups[why, video.stem.casefold()].append(video.name)
         if match := _CHAPTER_PATTERN.fullmatch(video.stem):
-            films[match[1]].append(video.name)
-    for names in stems.values():
+            groups["are chapters of one recording", match[1]].append(video.name)
+    for (why, _), names in groups.items():
         if len(names) > 1:
             raise ManifestError(
-                f"{folder}: {' and '.join(names)} have one name, as one recording in two files "
-                "has, allowed: one video of each camera; move one of them to another folder, or "
-                "rename it if it is another camera's"
-            )
-    for names in films.values():
-        if len(names) > 1:
-            raise ManifestError(
-                f"{folder}: {', '.join(names)} are chapters of one recording of an action camera, "
-                "allowed: one video of each camera; join them, or move all but the one with rest "
-                "and vibration to another folder"
+                f"{folder}: {', '.join(names)} {why}, allowed: one video of each camera; move the "
+                "others to another folder, or rename what is another camera's"
             )
 
 

@@ -59,105 +59,99 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
     return np.asarray(clock * (media_info.rate_of(clock, info.frame_rate) / camera.captured_hz))
 
 
-def check_excitation(manifest: Manifest) -> list[str]:
-    """Return what of the excitation these cameras cannot film, one line each; empty if nothing.
+def check_excitation(manifest: Manifest) -> Iterator[str]:
+    """Yield what of the excitation these cameras cannot film, one line each.
 
     Above half of the frame rate the motion is sampled too rarely, which is refused unless it is
     declared; and near multiples of that half it seems to stand still or to flip from frame to
     frame, from which its phase cannot be told.
     """
-    lines = []
-    slowest = min(camera.rate_hz for camera in manifest.cameras)
+    rates = [camera.rate_hz for camera in manifest.cameras]
     frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_duration_s
-    given = f"excitation.frequency_hz: given {frequency:.6g}, allowed" if frequency else ""
     if frequency is not None and manifest.excitation.undersampled:
-        for i, camera in enumerate(manifest.cameras):
-            half = camera.rate_hz / 2
+        for i, half in enumerate(rate / 2 for rate in rates):
             multiple = max(1, round(frequency / half)) * half
             if abs(frequency - multiple) < STANDS_STILL * half:
                 off = format_limit(STANDS_STILL * half, upper=False)
-                lines.append(
-                    f"{given}: at least {off} Hz from {multiple:.6g} Hz, a multiple of half the "
-                    f"frame rate of cameras[{i}]"
+                yield (
+                    f"excitation.frequency_hz: given {frequency:.6g}, allowed: at least {off} Hz "
+                    f"from {multiple:.6g} Hz, a multiple of half the frame rate of cameras[{i}]"
                 )
-                break
-    elif frequency is not None and frequency >= slowest / 2:
-        lines.append(f"{given}: below half of the frame rate, {slowest / 2:g} Hz")
-    if rest * slowest < 3 - 1e-9 and (rest or manifest.excitation.sound != "none"):
-        least = format_limit(3 / slowest, upper=False)
-        lines.append(
+    elif frequency is not None and frequency >= min(rates) / 2:
+        yield (
+            f"excitation.frequency_hz: given {frequency:.6g}, allowed: below half of the frame "
+            f"rate, {min(rates) / 2:g} Hz"
+        )
+    if rest * min(rates) < 3 - 1e-9 and (rest or manifest.excitation.sound != "none"):
+        least = format_limit(3 / min(rates), upper=False)
+        yield (
             f"excitation.rest_duration_s: given {rest:.6g}, allowed: at least {least} s, three "
             "frames"
         )
-    return lines
 
 
-def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
-    """Return how recordings differ from what the manifest says, one line each.
+def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
+    """Yield how recordings differ from what the manifest says, one line each.
 
-    The excitation, the markers' places, every video's size, frame rate, length and sound, and the
-    size of every image of the board.
+    The excitation, the markers' places, every video's size, frame rate, length and sound, the size
+    of every image of the board, and the force.
     """
-    lines, rates = check_excitation(manifest), []
+    yield from check_excitation(manifest)
     places, marks = manifest.structure.marker_points, manifest.structure.markers
     if on_one_line(1000 * places, marks.diameter_mm):  # the plane must be known
         name = "points_mm" if marks.points_mm else "rows" if marks.rows == 1 else "columns"
         given = format_given(getattr(marks, name))
-        lines.append(
-            f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"
-        )
+        yield f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"
     for i, camera in enumerate(manifest.cameras):
-        path, says = folder / camera.video, "as the manifest says"
-        where = f"cameras[{i}].video: {path}"
+        path, size = folder / camera.video, f"allowed: {_px(camera.size)} as the manifest says"
         try:
             info = media_info.probe_media(path)
             if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
-                rates.append(
-                    f"{where}: {info.frame_rate:.6g} frames per second, allowed: "
-                    f"{camera.frame_rate_hz:.6g} {says}, as cameras[{i}].frame_rate_hz; slow "
-                    f"motion that plays slowly has the sensor's rate in cameras[{i}].captured_hz"
+                yield (
+                    f"cameras[{i}].video: {path}: {info.frame_rate:.6g} frames per second, "
+                    f"allowed: {camera.frame_rate_hz:.6g} as the manifest says, as "
+                    f"cameras[{i}].frame_rate_hz; slow motion that plays slowly has the sensor's "
+                    f"rate in cameras[{i}].captured_hz"
                 )
             if info.size != camera.size:
-                lines.append(f"{where}: {_px(info.size)}, allowed: {_px(camera.size)} {says}")
-            lines += [f"{where}: {one}" for one in _check_video(camera, info, manifest.excitation)]
-            if manifest.excitation.sound != "none" and info.has_audio:
-                lines += [f"{where}: {line}" for line in _check_sound(path)]
+                yield f"cameras[{i}].video: {path}: {_px(info.size)}, {size}"
+            for problem in _check_video(path, camera, info, manifest.excitation):
+                yield f"cameras[{i}].video: {path}: {problem}"
         except MediaError as error:
-            lines.append(f"cameras[{i}].video: {error}")
+            yield f"cameras[{i}].video: {error}"
         for shot in filter(None, shot_paths(camera, folder)):
-            where = f"cameras[{i}].board_images"
             try:
-                size = media.read_png(shot).shape[::-1]
-                if size != camera.size:
-                    lines.append(
-                        f"{where}: {shot}: {_px(size)}, allowed: {_px(camera.size)} {says}"
-                    )
+                own = media.read_png(shot).shape[::-1]
+                if own != camera.size:
+                    yield f"cameras[{i}].board_images: {shot}: {_px(own)}, {size}"
             except MediaError as error:
-                lines.append(f"{where}: {error}")
-    return rates + lines + _check_force(manifest, folder)
+                yield f"cameras[{i}].board_images: {error}"
+    yield from _check_force(manifest, folder)
 
 
-def _check_sound(path: Path, channel: int | None = None) -> list[str]:
-    """Return what a sound lacks; a gap or damage is raised."""
+def _check_sound(path: Path, channel: int | None = None) -> Iterator[str]:
+    """Yield what a sound lacks; a gap or damage is raised."""
     with audio.open_audio(path, channel) as sound:
-        return [sound.silence] if sound.silence else []
+        if sound.silence:
+            yield sound.silence
 
 
-def _check_force(manifest: Manifest, folder: Path) -> list[str]:
-    """Say what a recorded force lacks."""
-    if manifest.force is None:
-        return []
-    given, path = manifest.force, folder / manifest.force.file
+def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:
+    """Yield what a recorded force lacks."""
+    given = manifest.force
+    if given is None:
+        return
+    path = folder / given.file
     try:
         if given.is_table:
             force_table.read_force_table(path)
-            return []
-        lines = _check_sound(path, given.channel)
-        if given.sound_channel is not None and given.offset_s is None:
-            lines += _check_sound(path, given.sound_channel)
+            return
+        other = given.sound_channel if given.offset_s is None else None
+        for channel in filter(None, (given.channel, other)):
+            for problem in _check_sound(path, channel):
+                yield f"force.file: {path}: {problem}"
     except (MediaError, force_table.ForceError, OSError) as error:
-        return [f"force.file: {error}"]
-    return [f"force.file: {path}: {line}" for line in lines]
+        yield f"force.file: {error}"
 
 
 def is_slowed(info: VideoInfo) -> bool:
@@ -166,8 +160,10 @@ def is_slowed(info: VideoInfo) -> bool:
     return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
 
 
-def _check_video(camera: CameraFiles, info: VideoInfo, excitation: Excitation) -> Iterator[str]:
-    """Yield what is wrong with a film's rate, lines and stated lengths."""
+def _check_video(
+    path: Path, camera: CameraFiles, info: VideoInfo, excitation: Excitation
+) -> Iterator[str]:
+    """Yield what is wrong with a film's rate, lines, stated lengths and sound."""
     heard, rest = excitation.sound != "none", excitation.rest_duration_s
     if is_slowed(info) and camera.captured_hz is None:
         yield (
@@ -190,18 +186,17 @@ def _check_video(camera: CameraFiles, info: VideoInfo, excitation: Excitation) -
             "no audio track; it is needed to synchronise the cameras, but for a steady vibration "
             "with excitation.sound: none"
         )
-    if info.duration is None:
-        return
-    took = info.duration  # of slow motion less than it plays for
-    if camera.captured_hz is not None:
-        took *= info.frame_rate / camera.captured_hz
-    if took <= rest:
-        yield f"{took:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
-    if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > MAX_END_GAP_S:
-        yield (
-            f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
-            f"allowed: at most {MAX_END_GAP_S:g} s apart"
-        )
+    if info.duration is not None:  # slow motion took less time than it plays for
+        took = info.duration * info.frame_rate / (camera.captured_hz or info.frame_rate)
+        if took <= rest:
+            yield f"{took:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
+        if heard and abs((info.sound_end or info.duration) - info.duration) > MAX_END_GAP_S:
+            yield (
+                f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
+                f"allowed: at most {MAX_END_GAP_S:g} s apart"
+            )
+    if heard and info.has_audio:
+        yield from _check_sound(path)
 
 
 def on_one_line(points: Array, diameter: float) -> bool:
