@@ -158,7 +158,7 @@ CASES = {
     "no pictures": (renamed("shots/B", "other"), WRONG, ["cameras[1].board_images", "0 images"]),
     "images of a camera's own kind": (
         both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.DNG") for k in range(4))), WRONG,
-        ["0 images", ".jpg", '4 of ".dng", which are not read: export JPEG']),
+        ["0 images", ".jpg"]),
     "no board in any": (both(), FAILED, ["A: 0 of 4 board images show the board", "9 × 9 tiles"]),
     # A calibration that is reused.
     "no calibration": (given("calibration", "other"), WRONG, ["other: no calibration there"]),

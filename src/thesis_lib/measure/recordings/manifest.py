@@ -145,11 +145,9 @@ class Manifest(Fields):
                     why = "allowed without calibration: board images"
                     refuse_value(f"cameras[{i}].board_images", None, why)
         for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
-            for name in ("name", "video"):
-                given = getattr(other, name)
-                if given == getattr(one, name):
-                    why = f"the same as cameras[{i}].{name}, allowed: another one"
-                    refuse_value(f"cameras[{j}].{name}", given, why)
+            if one.name == other.name:
+                why = f"the same as cameras[{i}].name, allowed: another one"
+                refuse_value(f"cameras[{j}].name", other.name, why)
         if self.radiation is not None:
             self.radiation.check(own)
         return self
@@ -310,10 +308,9 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         counts.append(len(shots))
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
-            unread = _unread(folder / given) if isinstance(given, str) else ""
             yield (
                 f"{where}: given {format_given(given)}, which is {len(files)} images, allowed: at "
-                f"least 3{unread}"
+                f"least 3 of {', '.join(sorted(IMAGE_SUFFIXES))}"
             )
         for shot in files if isinstance(given, str) else []:  # which may be links
             if outside(str(shot.relative_to(folder))):
@@ -337,17 +334,6 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             f"cameras: given {', '.join(map(str, counts))} board images, allowed: as many for "
             "every camera, in the same order"
         )
-
-
-def _unread(place: Path) -> str:
-    """List the files of a folder of images that cannot be read."""
-    if not place.is_dir():
-        return ""
-    endings = sorted(file.suffix.lower() for file in place.iterdir() if file.is_file())
-    others = {ending: endings.count(ending) for ending in endings if ending not in IMAGE_SUFFIXES}
-    told = " and ".join(f"{count} of {format_given(ending)}" for ending, count in others.items())
-    read = f" of {', '.join(sorted(IMAGE_SUFFIXES))}"
-    return f"{read} (there are {told}, which are not read: export JPEG)" if told else read
 
 
 def _is_file(path: Path) -> bool:

@@ -221,7 +221,6 @@ MAX_RELATIVE_CHANGE = 0.02
 NEIGHBOUR_FRAMES = 12  # frames before and after, in both of which something must move
 MIN_MOTION = 0.25  # change of those over that of all frames, below which the structure rests
 MIN_SHARE, MIN_REPEATS = 0.03, 4  # repeats from which on they are reported
-MIN_REGULAR_SHARE = 0.8  # of the distances between repeats that are alike, of regular ones
 
 
 def note_changes(frames: Iterable[Image], steps: Array, across: Array) -> Iterator[Image]:
@@ -270,21 +269,9 @@ def describe_repeats(name: str, repeats: IntArray) -> str:
     Examples
     --------
     >>> describe_repeats("A", np.arange(4, 100, 5))
-    'every 5th frame of camera A repeats the one before.'
-    >>> describe_repeats("A", np.flatnonzero(np.arange(100) % 4))
-    'every frame of camera A is stored 4 times.'
+    '21% of the frames of camera A repeat the one before.'
     """
     if not len(repeats):
         return ""
-    fresh = np.setdiff1d(np.arange(repeats[0] - 1, repeats[-1] + 2), repeats)
-    for numbers, text in (
-        (repeats, "every {step}{ending} frame of camera {name} repeats the one before."),
-        (fresh, "every frame of camera {name} is stored {step} times."),
-    ):
-        steps = np.diff(numbers)
-        step = int(np.median(steps)) if len(steps) else 0
-        if step > 1 and np.mean(steps == step) >= MIN_REGULAR_SHARE:
-            ending = {2: "nd", 3: "rd"}.get(step, "th")
-            return text.format(step=step, ending=ending, name=name)
     share = len(repeats) / (repeats[-1] - repeats[0] + 1)
     return f"{share:.0%} of the frames of camera {name} repeat the one before."
