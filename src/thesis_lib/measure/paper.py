@@ -1,6 +1,5 @@
 """Pages of a PDF in true scale: the board, markers, and places of cameras, with a ruler."""
 
-import io
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise, product
@@ -48,28 +47,28 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
     """
     check_file(path, ".pdf")
     width, height = sorted(PAGE_SIZES_MM[paper], reverse=lying)
-    made = io.BytesIO()
-    with PdfPages(made, metadata={"CreationDate": None, "Creator": "thesis_lib"}) as file:
-        for draw, words in pages:
-            figure = Figure(figsize=(width / MM_PER_INCH, height / MM_PER_INCH))
-            axes = figure.add_axes((0, 0, 1, 1))
-            axes.set(
-                xlim=(-BORDER_MM, width - BORDER_MM),
-                ylim=(-BORDER_MM - STRIP_MM, height - BORDER_MM - STRIP_MM),
-            )
-            axes.set_axis_off()
-            draw(axes)
-            foot = -STRIP_MM + 4
-            ticks = [
-                _rectangle_vertices(RULER_MM / 10 * k - 0.125, foot, 0.25, 2.5 if k % 10 else 4.0)
-                for k in range(11)
-            ]
-            _draw_polygons(axes, [_rectangle_vertices(0, foot, RULER_MM, 0.25), *ticks])
-            advice = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
-            axes.text(0, foot - 3.2, advice, size=6.5)
-            axes.text(RULER_MM + 6, foot, words, size=6.5, va="bottom", wrap=False)
-            file.savefig(figure)
-    whole_file(path, lambda part: part.write_bytes(made.getvalue()))
+    foot = 4 - STRIP_MM
+    ruler = [_rectangle_vertices(0, foot, RULER_MM, 0.25)]
+    for k in range(11):
+        tick_mm = 2.5 if k % 10 else 4.0
+        ruler.append(_rectangle_vertices(RULER_MM / 10 * k - 0.125, foot, 0.25, tick_mm))
+
+    def write_part(part: Path) -> None:
+        with PdfPages(part, metadata={"CreationDate": None, "Creator": "thesis_lib"}) as file:
+            for draw, words in pages:
+                figure = Figure(figsize=(width / MM_PER_INCH, height / MM_PER_INCH))
+                axes = figure.add_axes((0, 0, 1, 1))
+                axes.set_xlim(-BORDER_MM, width - BORDER_MM)
+                axes.set_ylim(-BORDER_MM - STRIP_MM, height - BORDER_MM - STRIP_MM)
+                axes.set_axis_off()
+                draw(axes)
+                _draw_polygons(axes, ruler)
+                advice = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
+                axes.text(0, foot - 3.2, advice, size=6.5)
+                axes.text(RULER_MM + 6, foot, words, size=6.5, va="bottom", wrap=False)
+                file.savefig(figure)
+
+    whole_file(path, write_part)
 
 
 def _draw_polygons(axes: Axes, vertices: ArrayLike) -> None:
@@ -86,7 +85,6 @@ def _rectangle_vertices(
 
 
 BITS_PER_MARK = 7  # along a mark with its black frame
-DICTIONARY_MARKS = 1000  # that the dictionary has
 
 
 def write_board(
@@ -112,32 +110,21 @@ def write_board(
     Raises
     ------
     RefusedError
-        If the board with a white margin of half a tile does not fit the paper, or has more marks
-        than the dictionary, or marks on both sides.
+        If the board with a white margin of half a tile does not fit the paper, or has marks on both
+        sides.
     """
     if charuco and two_sided:
         raise RefusedError(
             "--two-sided: given with --charuco, allowed: for a checkerboard, as no program reads "
             "marks that are mirrored"
         )
-    if charuco and columns * rows // 2 > DICTIONARY_MARKS:
-        raise RefusedError(
-            f"--columns, --rows: given {columns} × {rows} tiles, allowed with --charuco: at most "
-            f"{2 * DICTIONARY_MARKS + 1}, {MARK_DICTIONARY} has no more marks"
-        )
     landscape = columns >= rows
     wide, high = _drawable_mm(paper, landscape)
-    largest_mm = {  # of a tile, with half of one all around
-        name: min(np.divide(_drawable_mm(name, landscape), (columns + 1, rows + 1)))
-        for name in PAGE_SIZES_MM
-    }
-    if tile_mm > largest_mm[paper] + 1e-9:
-        fits = (
-            f", or --paper {name}" for name, most in largest_mm.items() if tile_mm <= most + 1e-9
-        )
+    largest_mm = min(wide / (columns + 1), high / (rows + 1))  # with half a tile all around
+    if tile_mm > largest_mm + 1e-9:
         raise RefusedError(
-            f"--tile-mm: given {tile_mm:g}, allowed: at most {format_limit(largest_mm[paper])} for "
-            f"{columns} × {rows} tiles on {paper}{next(fits, '')}"
+            f"--tile-mm: given {tile_mm:g}, allowed: at most {format_limit(largest_mm)} for "
+            f"{columns} × {rows} tiles on {paper}"
         )
     margin = min(wide - columns * tile_mm, high - rows * tile_mm) / 2
     board = Board(columns, rows, tile_mm / 1000, margin / 1000)
@@ -156,13 +143,11 @@ def write_board(
             f"{MARK_RATIO * tile_mm:g}, {MARK_DICTIONARY})"
         )
     dark = dark + [left, low]
-    sides = {"": dark}
+    pages = [(partial(_draw_polygons, vertices=dark), "front: " * two_sided + said)]
     if two_sided:
-        sides = {"front: ": dark, "back: ": (dark * [-1, 1] + [wide, 0])[:, ::-1]}
-    drawn = [
-        (partial(_draw_polygons, vertices=tiles), side + said) for side, tiles in sides.items()
-    ]
-    _write_pages(path, paper, landscape, drawn)
+        back = (dark * [-1, 1] + [wide, 0])[:, ::-1]
+        pages.append((partial(_draw_polygons, vertices=back), f"back: {said}"))
+    _write_pages(path, paper, landscape, pages)
     return said
 
 
