@@ -67,6 +67,7 @@ class _Survey:
     """Time stamps and levels of one audio track, gathered frame by frame."""
 
     channels: int
+    unit: float  #: Of the time stamps, s
     rate: int = 0  #: Of the decoded frames in Hz
     times: list[float] = field(default_factory=list)  #: Time stamp of each frame, s
     counts: list[int] = field(default_factory=list)  #: Samples of each frame
@@ -74,7 +75,6 @@ class _Survey:
     sums: Any = 0.0
     products: Any = 0.0
     clipped: Any = 0  #: Samples at full scale of each channel
-    unit: float = 0.0  #: Of the time stamps, s
     damaged: float | None = None  #: When it can no longer be decoded, s
 
     def add(self, frame: av.AudioFrame, block: Array) -> None:
@@ -88,10 +88,9 @@ class _Survey:
         self.products += block @ block.T
         self.clipped += np.count_nonzero(np.abs(block) >= FULL_SCALE, axis=1)
 
-    @property
-    def seconds(self) -> float:
-        """Return how long the decoded samples last, s."""
-        return sum(self.counts) / max(self.rate, 1)
+    def stop(self) -> None:
+        """Note that what comes after the samples so far is damaged."""
+        self.damaged = sum(self.counts) / max(self.rate, 1)
 
     @property
     def covariance(self) -> Array:
@@ -192,25 +191,23 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
     """Decode all audio tracks for their time stamps and levels, once unless the file changes."""
     with open_media(path) as file:
         tracks = file.streams.audio
-        found = [_Survey(track.channels, unit=float(track.time_base or 0)) for track in tracks]
-        place = {track.index: k for k, track in enumerate(tracks)}
-        convert = [av.AudioResampler(format="fltp") for _ in tracks]
+        found = {one.index: _Survey(one.channels, float(one.time_base or 0)) for one in tracks}
+        convert = {track.index: av.AudioResampler(format="fltp") for track in tracks}
         try:
             for packet in file.demux(*tracks):
-                own = found[k := place[packet.stream.index]]
+                own = found[packet.stream.index]
                 if own.damaged is not None:
                     continue
                 try:
                     for frame in packet.decode():
-                        for block in convert[k].resample(frame):  # type: ignore[arg-type]
-                            samples = block.to_ndarray().astype(float)
-                            own.add(frame, samples)  # type: ignore[arg-type]
+                        for block in convert[packet.stream.index].resample(frame):  # type: ignore[arg-type]
+                            own.add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
                 except (av.FFmpegError, OSError, ValueError):
-                    own.damaged = own.seconds
+                    own.stop()
         except (av.FFmpegError, OSError):
-            for one in found:
-                one.damaged = one.seconds
-    return found
+            for one in found.values():
+                one.stop()
+    return [*found.values()]
 
 
 def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
