@@ -76,8 +76,8 @@ def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Re
     # The sound comes first: it may refuse more of the manifest.
     sound = measuring.read_sound(filmed, folder, steps, say)
     for camera in manifest.cameras:
-        for line in media_info.probe_media(folder / camera.video).remarks:
-            say(line)
+        if remark := media_info.probe_media(folder / camera.video).remark:
+            say(remark)
     calibration = _calibrate(manifest, folder, steps, given, say)
     recordings = measuring.track_markers(filmed, folder, steps, calibration, sound, clocks)
     found = Recorded(sound, calibration, recordings)

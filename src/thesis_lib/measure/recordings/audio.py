@@ -211,29 +211,22 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
 
 
 def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
-    """Choose the track and its channels that hold sound, and say so where others do not."""
+    """Choose the track and its channels that hold sound, and name them where others do not."""
     levels = [
         np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) * (one.damaged is None)
         for one in surveys
     ]
     track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
-    words = []
-    if track:
-        words.append(f"track {track + 1} of {len(surveys)}, since those before it hold no sound")
+    words = [f"track {track + 1} of {len(surveys)}"] if track else []
     covariance = surveys[track].covariance
     each = np.sqrt(np.diag(covariance).clip(0))
-    count = len(each)
     channels = np.flatnonzero(each >= MAX_FAINT_RATIO * each.max(initial=0.0))
-    why = ""
-    if len(channels) < count:
-        why = f"{'the others hold' if count > 2 else 'the other holds'} no sound"
     part = covariance[np.ix_(channels, channels)]
     if len(channels) > 1 and part.sum() < MAX_CANCELLED_RATIO**2 * np.trace(part):
-        channels = np.array([int(np.argmax(each))])
-        why = "the channels cancel when mixed"
-    if why:
+        channels = np.array([int(np.argmax(each))])  # they cancel when mixed
+    if len(channels) < len(each):
         numbers = ", ".join(str(c + 1) for c in channels)
-        words.append(f"channel{'s' * (len(channels) > 1)} {numbers} of {count}, since {why}")
+        words.append(f"channel{'s' * (len(channels) > 1)} {numbers} of {len(each)}")
     return track, channels.tolist(), "; ".join(words)
 
 

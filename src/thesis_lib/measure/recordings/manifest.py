@@ -257,13 +257,10 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     if not isinstance(camera.board_images, str):
         return [None if shot is None else folder / shot for shot in camera.board_images]
     place = folder / camera.board_images
-    try:
-        if place.is_dir():
-            return [*find_images(place.iterdir())]
-        files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
-        return [*sorted(files, key=lambda file: by_number(file.name))]
-    except (ValueError, NotImplementedError):  # no pattern that pathlib knows
-        return []
+    if place.is_dir():
+        return [*find_images(place.iterdir())]
+    files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
+    return [*sorted(files, key=lambda file: by_number(file.name))]
 
 
 def is_hidden(path: Path) -> bool:
@@ -288,20 +285,16 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
     root = folder.resolve()
 
     def outside(text: str) -> bool:
-        try:
-            return Path(text).is_absolute() or not (root / text).resolve().is_relative_to(root)
-        except (ValueError, OSError, RuntimeError):  # null characters, loops of links
-            return True
+        return Path(text).is_absolute() or not (root / text).resolve().is_relative_to(root)
 
-    named, counts = [("truth", manifest.truth)], []
+    named: dict[str, str | None] = {"truth": manifest.truth}
+    counts = []
     for i, camera in enumerate(manifest.cameras):
-        named.append((f"cameras[{i}].video", camera.video))
+        named[f"cameras[{i}].video"] = camera.video
         where, given = f"cameras[{i}].board_images", camera.board_images
         if given is None:
             continue
-        if not isinstance(given, str):
-            named += [(f"{where}[{k}]", shot) for k, shot in enumerate(given)]
-        elif outside(given):
+        if isinstance(given, str) and outside(given):
             yield f"{where}: given {format_given(given)}, allowed: {INSIDE_TEXT}"
             continue
         shots = shot_paths(camera, folder)
@@ -312,18 +305,19 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
                 f"{where}: given {format_given(given)}, which is {len(files)} images, allowed: at "
                 f"least 3 of {', '.join(sorted(IMAGE_SUFFIXES))}"
             )
-        for shot in files if isinstance(given, str) else []:  # which may be links
-            if outside(str(shot.relative_to(folder))):
-                yield f"{where}: {format_given(shot.name)} leads outside, allowed: {INSIDE_TEXT}"
-    force = manifest.force
-    named.append(("force.file", None if force is None else force.file))  # or a video named
+        found = (
+            [str(shot.relative_to(folder)) for shot in files] if isinstance(given, str) else given
+        )
+        named |= {f"{where}[{k}]": text for k, text in enumerate(found)}  # which may be links
+    if manifest.force is not None:
+        named["force.file"] = manifest.force.file  # or a video named
     videos: dict[Path, str] = {}
-    for where, text in named:
+    for where, text in named.items():
         if text is None:
             continue
         if outside(text):
             yield f"{where}: given {format_given(text)}, allowed: {INSIDE_TEXT}"
-        elif exist and not _is_file(folder / text):
+        elif exist and not (folder / text).is_file():
             yield f"{where}: given {format_given(text)}, no such file in {folder}"
         else:
             first = videos.setdefault((root / text).resolve(), where)
@@ -334,10 +328,3 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             f"cameras: given {', '.join(map(str, counts))} board images, allowed: as many for "
             "every camera, in the same order"
         )
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a name that is too long, a folder that may not be entered
-        return False

@@ -50,7 +50,7 @@ class VideoInfo:
     start: float  #: Time of the first frame that can be decoded, by the file's clock, s
     depth: int  #: Bits that hold the grey levels
     captured_hz: float | None  #: Rate in Hz at which the file says it was taken
-    remarks: tuple[str, ...]  #: What a user should know of how it is read, one sentence each
+    remark: str  #: Which of several video tracks is read, as a sentence; empty if there is one
 
 
 def file_address(path: Path) -> str:
@@ -210,16 +210,11 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         depth = max((part.bits for part in first.format.components), default=8)
         size = (video.width, video.height)
         size = size[::-1] if orientation_of(first)[0] else size
-        name, tracks, remarks = path.name, file.streams.video, []
+        tracks, remark = file.streams.video, ""
         if len(tracks) > 1:
-            remarks.append(
-                f"{name} has {len(tracks)} video tracks; number {1 + tracks.index(video)}, "
+            remark = (
+                f"{path.name} has {len(tracks)} video tracks; number {1 + tracks.index(video)}, "
                 f"{size[0]} × {size[1]} px, is the one that is used."
-            )
-        if cut:
-            remarks.append(
-                f"{name} was cut before a key frame: what comes before it cannot be decoded and "
-                "is left out."
             )
         return VideoInfo(
             size=size,
@@ -232,7 +227,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
             start=start,
             depth=_depth_of(path) if depth == 16 else depth,
             captured_hz=_capture_rate(file, video, path),
-            remarks=tuple(remarks),
+            remark=remark,
         )
 
 
