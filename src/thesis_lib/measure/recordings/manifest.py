@@ -215,11 +215,8 @@ def rename_options(given: dict[str, Any]) -> dict[str, Any]:
     places = [place.rpartition(".") for place in given]
     named = [{name: value} for (*_, name), value in zip(places, given.values(), strict=True)]
     _rename_fields(named, "-p")
-    return {
-        f"{where}{dot}{name}": value
-        for (where, dot, _), part in zip(places, named, strict=True)
-        for name, value in part.items()
-    }
+    parts = zip(places, named, strict=True)
+    return {f"{where}{dot}{n}": v for (where, dot, _), part in parts for n, v in part.items()}
 
 
 def _rename_fields(several: Iterable[Any], where: str) -> None:
@@ -230,7 +227,8 @@ def _rename_fields(several: Iterable[Any], where: str) -> None:
             if old in part and new not in part:
                 part[new] = part.pop(old)
                 found[old] = new
-        if isinstance(kind := part.get("kind"), str) and kind in RENAMED_KINDS:
+        kind = part.get("kind")
+        if isinstance(kind, str) and kind in RENAMED_KINDS:
             part["kind"] = RENAMED_KINDS[kind]
             found[f"kind: {kind}"] = f"kind: {part['kind']}"
     if found:

@@ -50,7 +50,6 @@ class VideoInfo:
     start: float  #: Time of the first frame that can be decoded, by the file's clock, s
     depth: int  #: Bits that hold the grey levels
     captured_hz: float | None  #: Rate in Hz at which the file says it was taken
-    remark: str  #: Which of several video tracks is read, as a sentence; empty if there is one
 
 
 def file_address(path: Path) -> str:
@@ -124,10 +123,9 @@ def decode_frames(
     count, packets = 0, file.demux(stream)
     while True:
         try:
-            packet = next(packets, None)
-            if packet is None:
-                return
-            frames = packet.decode()
+            frames = next(packets).decode()
+        except StopIteration:
+            return
         except (av.FFmpegError, OSError):
             if count:
                 raise MediaError(
@@ -208,16 +206,9 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
             counts.append(round(duration * rate))
         sound = file.streams.audio[0] if file.streams.audio else None
         depth = max((part.bits for part in first.format.components), default=8)
-        size = (video.width, video.height)
-        size = size[::-1] if orientation_of(first)[0] else size
-        tracks, remark = file.streams.video, ""
-        if len(tracks) > 1:
-            remark = (
-                f"{path.name} has {len(tracks)} video tracks; number {1 + tracks.index(video)}, "
-                f"{size[0]} × {size[1]} px, is the one that is used."
-            )
+        size = video.width, video.height
         return VideoInfo(
-            size=size,
+            size=size[::-1] if orientation_of(first)[0] else size,
             frame_rate=float(rate),
             frames=min(counts, default=None),  # an edit list may hide stored frames
             duration=duration,
@@ -227,7 +218,6 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
             start=start,
             depth=_depth_of(path) if depth == 16 else depth,
             captured_hz=_capture_rate(file, video, path),
-            remark=remark,
         )
 
 

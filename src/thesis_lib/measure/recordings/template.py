@@ -177,7 +177,6 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
             f"frames per second{seconds}{images if camera.board_images else ''}"
         )
-        yield from filter(None, [info.remark])
         if is_slowed(info):
             rates = {"rate": camera.frame_rate_hz, "taken": info.captured_hz}
             yield format_new("slow-motion", video=camera.video, **rates)
