@@ -116,7 +116,7 @@ def test_dates_are_as_exact_as_times_of_day(conforms, tmp_path, step_us):
 REFUSED = {
     "an index and a force": ("i,force\n" + lines([NUMBERS, FORCES]), "the time"),
     "two forces": ("time,force 1,force 2\n" + lines([*BOTH, OTHERS]), "several columns may be"),
-    "three columns unnamed": (lines([*BOTH, OTHERS]), "no column is clearly the force"),
+    "three columns unnamed": (lines([*BOTH, OTHERS]), "no column is clearly"),
     "commas for both": ("Zeit,Kraft\n" + lines(BOTH, ",", ","), "commas"),
     "milliseconds unsaid": ("time,force\n" + lines([1000 * TIMES, FORCES]), "have no unit"),
     "volts": ("time (s),force (V)\n" + lines(BOTH), "in V, allowed: N"),

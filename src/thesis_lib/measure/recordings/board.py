@@ -149,15 +149,10 @@ class BoardSpec(Fields):
     @property
     def board(self) -> Board:
         """The board in SI units."""
-        return Board(
-            self.columns,
-            self.rows,
-            self.tile_mm / 1000,
-            self.margin_mm / 1000,
-            self.thickness_mm / 1000,
-            (self.mark_mm or 0) / 1000,
-            self.dictionary or MARK_DICTIONARY,
-        )
+        lengths_mm = self.tile_mm, self.margin_mm, self.thickness_mm, self.mark_mm or 0
+        tile, margin, thickness, mark = (length / 1000 for length in lengths_mm)
+        dictionary = self.dictionary or MARK_DICTIONARY
+        return Board(self.columns, self.rows, tile, margin, thickness, mark, dictionary)
 
 
 def _mark_default(given: dict[str, object]) -> bool:

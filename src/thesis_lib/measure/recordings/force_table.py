@@ -290,27 +290,21 @@ def _kinds(name: str) -> set[str]:
 def _choose_columns(
     names: Sequence[str], units: Sequence[str], values: Array
 ) -> dict[str, list[int]]:
-    """Return the columns that may be time and force, by their name, their unit and content."""
+    """Return the columns that may be time and force: by name or unit, else one of two columns."""
     every = range(values.shape[1])
-    full = [k for k in every if np.isfinite(values[:, k]).all()]
-    rising = [k for k in full if (np.diff(values[:, k]) > 0).all()]
-    counts = [k for k in full if len(values) > 2 and set(np.diff(values[:, k])) == {1.0}]
     kinds = [_kinds(name) for name in names]
     in_s, in_n = ([k for k in every if units[k].lower() in table] for table in SI_UNITS.values())
     times = [k for k in every if "time" in kinds[k] and k not in in_n] or in_s
     forces = [k for k in every if "force" in kinds[k] and k not in times]
     forces = [k for k in forces if k in in_n] or forces or in_n
     if len(times) > 1:  # as a date, and a time since the start
-        times = [k for k in times if k in rising]
+        times = [k for k in times if (np.diff(values[:, k]) > 0).all()]
         times = [k for k in times if k in in_s] or times
-    indices = [k for k in counts if kinds[k] == {"index"}]
-    others = [k for k in full if k not in (*indices, *times, *forces)]
-    if not times:
-        first = [k for k in others if k in rising]
-        times = first[:1] if len(first) == 1 or len(full) == 2 else []
-    if not forces:
-        left = [k for k in others if k not in times and k not in counts]
-        forces = left if len(left) == 1 else []
+    free = [k for k in every if np.isfinite(values[:, k]).all()]
+    free = [k for k in free if kinds[k] != {"index"} or set(np.diff(values[:, k])) != {1.0}]
+    if len(free) == 2:
+        times = times or [k for k in free if k not in forces][:1]
+        forces = forces or [k for k in free if k not in times]
     return {"time": times, "force": forces}
 
 

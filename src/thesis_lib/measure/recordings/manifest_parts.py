@@ -18,6 +18,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import MarkersSpec, Place, beam_default
 from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
+from thesis_lib.templates import join_words
 from thesis_lib.vibration import polygons
 
 if TYPE_CHECKING:
@@ -162,8 +163,7 @@ EXCITATION_KINDS: dict[Kind, Behaviour] = {
 
 def list_kinds(wanted: Callable[[Behaviour], bool]) -> str:
     """Return the kinds that behave so, as a refusal lists them."""
-    *others, last = (f'"{name}"' for name, one in EXCITATION_KINDS.items() if wanted(one))
-    return f"{', '.join(others)} or {last}" if others else last
+    return join_words([f'"{name}"' for name, one in EXCITATION_KINDS.items() if wanted(one)], "or")
 
 
 TABLE_SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".tab", ".dat", ".asc", ".lvm"])
