@@ -122,7 +122,6 @@ CASES = {
     # The manifest.
     "a comma for a point": (given("excitation.frequency_hz", "4,25"), WRONG,
                             ['excitation.frequency_hz: given "4,25"', "in Hz"]),
-    "a misspelt field": (given("excitation.frequency", 4), WRONG, ["mean frequency_hz?"]),
     "places on a line": (
         given("structure.markers.points_mm", [[10 * k, 15] for k in range(1, 9)]), WRONG,
         ["structure.markers.points_mm", "not on one line"]),
@@ -132,6 +131,9 @@ CASES = {
     "an MP4 without its index": (both(coded(), cut("B.mp4", 0.9)), WRONG,
                                  ["cut off before its index"]),
     "another size": (video(size=(96, 64)), WRONG, ["96 × 64 px, allowed: 64 × 48 px"]),
+    "an image of another size": (
+        lambda folder, _: write_png(folder / "shots/B/0.png", np.zeros((64, 96), np.uint8)), WRONG,
+        ["cameras[1].board_images", "0.png: 96 × 64 px, allowed: 64 × 48 px"]),
     "interlaced": (coded(**{"x264-params": "tff=1"}), WRONG, ["B.mp4: interlaced", "progressive"]),
     "another frame rate": (given("cameras.1.frame_rate_hz", 50), WRONG,
                            ["60 frames per second, allowed: 50", "cameras[1].frame_rate_hz"]),

@@ -174,20 +174,6 @@ def test_a_list_of_shots_may_have_gaps(recordings):
     assert names == [f"{k}.png" for k in range(12)]  # in the order of their numbers
 
 
-def test_recordings_other_than_the_manifest_says_are_named(recordings):
-    values = plain()
-    values["cameras"][0] |= {"width_px": 128, "frame_rate_hz": 50}
-    values["cameras"][1]["frame_rate_hz"] = 59.94  # the file's own rate counts, and it is near
-    lines = [*check_recordings(read_manifest(written(recordings, values)), recordings)]
-    assert all("\n" not in line for line in lines)
-    assert "cameras[0].video" in lines[0]
-    assert "60 frames per second, allowed: 50" in lines[0]
-    assert "64 × 48 px, allowed: 128 × 48 px" in lines[1]
-    assert sum("cameras[0].board_images" in line for line in lines) == 12
-    assert not any("cameras[1]" in line for line in lines)
-    assert len(lines) == 14
-
-
 @pytest.mark.parametrize(
     ("field", "value", "line"),
     [("frequency_hz", 30.0, "below half of the frame rate, 30 Hz"),

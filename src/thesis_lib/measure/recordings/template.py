@@ -66,23 +66,25 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
             "recording: -p cameras=4"
         )
     manifest = manifests.validate_manifest(_values(folder, videos, given), str(folder))
-    asked = list_asked(manifest)
-    if not any(is_slowed(probe_media(video)) for video in videos):
-        asked = (*asked, "cameras.captured_hz")
+    slowed = any(is_slowed(probe_media(video)) for video in videos)
+    assumed = find_assumed(manifest, given, (*ASKED_FIELDS, *["cameras.captured_hz"][slowed:]))
     told = [*_describe_found(manifest, folder), *passed]
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.markers.hole_mm is None and lacking:  # which tells the ends apart
         told.append(format_new("corners", names=join_words(lacking), page=folder / PAGE_NAME))
     with staging(folder) as part:
         (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
-        (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
+        (part / path.name).write_text(text_of(manifest, assumed), encoding="utf-8")
         put_files(part, folder)
-    return path, [*told, *list_assumed(manifest, given, asked)]
+    return path, [*told, *list_assumed(manifest, assumed)]
 
 
-def list_asked(manifest: Manifest, among: Sequence[str] = ASKED_FIELDS) -> tuple[str, ...]:
-    """Return what no file shows of such a structure and board."""
-    return (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
+def find_assumed(
+    manifest: Manifest, given: Mapping[str, Any], among: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the fields that no file shows of such a structure and board, and nobody gave."""
+    asked = (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
+    return tuple(name for name in asked if not _is_given(name, given))
 
 
 def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -103,11 +105,12 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
                 "width_px": info.size[0],
                 "height_px": info.size[1],
                 "frame_rate_hz": float(f"{rate:.8g}"),
-                "captured_hz": info.captured_hz if is_slowed(info) else None,
                 "exposure_s": exposure,
                 "board_images": _shots(folder, video.stem, [one.stem for one in videos]),
             }
         )
+        if is_slowed(info):
+            cameras[-1]["captured_hz"] = info.captured_hz
     values = with_given(cameras, given)
     reused = values.get("calibration")
     placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
@@ -170,13 +173,13 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
         info = probe_media(folder / camera.video)
         shots = [shot for shot in manifests.shot_paths(camera, folder) if shot]
         counts.append(len(shots))
-        seconds = "" if info.duration is None else f", {info.duration:.1f} s"
-        place = camera.board_images if isinstance(camera.board_images, str) else "a list"
-        images = f"; {len(shots)} board images in {place}"
-        yield (
-            f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
-            f"frames per second{seconds}{images if camera.board_images else ''}"
-        )
+        found = f"{camera.video}: {info.size[0]} × {info.size[1]} px, "
+        found += f"{camera.frame_rate_hz:.8g} frames per second"
+        if info.duration is not None:
+            found += f", {info.duration:.1f} s"
+        if shots:
+            found += f"; {len(shots)} board images in {shots[0].parent}"
+        yield found
         if is_slowed(info):
             rates = {"rate": camera.frame_rate_hz, "taken": info.captured_hz}
             yield format_new("slow-motion", video=camera.video, **rates)
@@ -193,18 +196,15 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
             yield f"{format_new('file', file=file)} {folder}"
 
 
-def list_assumed(
-    manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]
-) -> Iterator[str]:
-    """Yield what no file shows and was not given, with what stands for it."""
-    for name in asked:
-        if not _is_given(name, given):
-            value: Any = manifest
-            for part in name.split("."):
-                value = getattr(value, part)
-                value = value[0] if part == "cameras" else value
-            text = value if isinstance(value, str) else json.dumps(value)
-            yield format_new("assumed", name=name, value=shlex.quote(text))
+def list_assumed(manifest: Manifest, assumed: Sequence[str]) -> Iterator[str]:
+    """Yield the fields that are assumed, with what stands for each."""
+    for name in assumed:
+        value: Any = manifest
+        for part in name.split("."):
+            value = getattr(value, part)
+            value = value[0] if part == "cameras" else value
+        text = value if isinstance(value, str) else json.dumps(value)
+        yield format_new("assumed", name=name, value=shlex.quote(text))
 
 
 def _is_given(name: str, given: Mapping[str, Any]) -> bool:
@@ -212,24 +212,22 @@ def _is_given(name: str, given: Mapping[str, Any]) -> bool:
     return any(name == one or name.startswith(f"{one}.") for one in given)
 
 
-def text_of(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) -> str:
-    """Return the manifest as commented YAML; what must be checked is marked."""
-    if manifest.structure.markers.hole_mm is None:
-        asked = (*asked, "cameras.corners_px")
+def text_of(manifest: Manifest, assumed: Sequence[str]) -> str:
+    """Return the manifest as commented YAML; what is assumed is marked."""
+    if manifest.structure.markers.hole_mm is None and manifest.cameras[0].corners_px is None:
+        assumed = (*assumed, "cameras.corners_px")
     lines = [
         "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them.",
-        *_fields(manifest, "", -2, asked, given),
+        *_fields(manifest, "", -2, assumed),
         "cameras:",
     ]
     for camera in manifest.cameras:
-        first, *more = _fields(camera, "cameras", 2, asked, given)
+        first, *more = _fields(camera, "cameras", 2, assumed)
         lines += [f"  - {first.lstrip()}", *more]
     return "\n".join(lines) + "\n"
 
 
-def _fields(
-    part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
-) -> Iterator[str]:
+def _fields(part: BaseModel, path: str, indent: int, assumed: Sequence[str]) -> Iterator[str]:
     """Yield a line for each field, with its meaning; those that may be left out are left out."""
     space = " " * (indent + 2)
     for name in type(part).model_fields:
@@ -237,11 +235,11 @@ def _fields(
         if place == "cameras":  # come last, one by one
             continue
         if isinstance(value, BaseModel):
-            if lines := [*_fields(value, place, indent + 2, asked, given)]:
+            if lines := [*_fields(value, place, indent + 2, assumed)]:
                 yield f"{space}{name}:"
                 yield from lines
-        elif value is not None or place in asked or _is_given(place, given):
-            check = "CHECK: " if place in asked and not _is_given(place, given) else ""
+        elif value is not None or place in assumed or name in part.model_fields_set:
+            check = "CHECK: " if place in assumed else ""
             text = json.dumps(part.model_dump(mode="json")[name], ensure_ascii=False)
             if isinstance(value, float):  # YAML takes JSON's 5e-05 for text
                 text = yaml.safe_dump(value).splitlines()[0]
