@@ -114,18 +114,13 @@ def write_board(
         sides.
     """
     if charuco and two_sided:
-        raise RefusedError(
-            "--two-sided: given with --charuco, allowed: for a checkerboard, as no program reads "
-            "marks that are mirrored"
-        )
+        raise RefusedError("--two-sided: given with --charuco, allowed: for a checkerboard")
     landscape = columns >= rows
     wide, high = _drawable_mm(paper, landscape)
     largest_mm = min(wide / (columns + 1), high / (rows + 1))  # with half a tile all around
     if tile_mm > largest_mm + 1e-9:
-        raise RefusedError(
-            f"--tile-mm: given {tile_mm:g}, allowed: at most {format_limit(largest_mm)} for "
-            f"{columns} × {rows} tiles on {paper}"
-        )
+        most = f"at most {format_limit(largest_mm)} for {columns} × {rows} tiles on {paper}"
+        raise RefusedError(f"--tile-mm: given {tile_mm:g}, allowed: {most}")
     margin = min(wide - columns * tile_mm, high - rows * tile_mm) / 2
     board = Board(columns, rows, tile_mm / 1000, margin / 1000)
     left, low = (wide - columns * tile_mm) / 2, (high - rows * tile_mm) / 2
@@ -192,17 +187,13 @@ def write_markers(
     across = row_spacing_mm or spacing_mm
     least = min(spacing_mm, across)  # of one row, too: corner marks stand half of it beyond
     if diameter_mm >= least:
-        raise RefusedError(
-            f"--diameter-mm: given {diameter_mm:g}, allowed: below {least:g}, the spacing "
-            f"({spacing_mm:g} mm × {across:g} mm)"
-        )
+        allowed = f"below {least:g}, the least spacing"
+        raise RefusedError(f"--diameter-mm: given {diameter_mm:g}, allowed: {allowed}")
     wide, high = _drawable_mm(paper, landscape=True)
     per = int(wide // spacing_mm), int(high // across)
     if not all(per):
-        raise RefusedError(
-            f"--spacing-mm: given {spacing_mm:g} and {across:g}, allowed: at most {wide:g} and "
-            f"{high:g} on {paper}"
-        )
+        most = f"at most {wide:g} and {high:g} on {paper}"
+        raise RefusedError(f"--spacing-mm: given {spacing_mm:g} and {across:g}, allowed: {most}")
 
     def draw(axes: Axes, nx: int, ny: int) -> None:
         width, height = nx * spacing_mm, ny * across

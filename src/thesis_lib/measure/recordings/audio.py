@@ -57,9 +57,8 @@ class AudioTrack:
         """Return what to say of a sound without a signal, empty of another."""
         if self.level >= MAX_SILENT_RMS:
             return ""
-        return (
-            f"silent audio (rms {self.level:.1e} of full scale), allowed: at least {MAX_SILENT_RMS}"
-        )
+        rms = f"rms {self.level:.1e} of full scale"
+        return f"silent audio ({rms}), allowed: at least {MAX_SILENT_RMS}"
 
 
 @dataclass
@@ -248,10 +247,9 @@ def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
         elif samples[-1] - samples[k] < PRIMING_S:
             last = min(last, k)
         else:
-            raise MediaError(
-                f"{path}: the audio has a gap at {times[k - 1] + own.counts[k - 1] / rate:.3f} s: "
-                f"its time stamps jump by {off[k] - off[k - 1]:+.3f} s"
-            )
+            end, jump = times[k - 1] + own.counts[k - 1] / rate, off[k] - off[k - 1]
+            why = f"its time stamps jump by {jump:+.3f} s"
+            raise MediaError(f"{path}: the audio has a gap at {end:.3f} s: {why}")
     x, y = samples[first:last] - samples[first], off[first:last]
     rounding = MILLISECOND_S if own.unit > MILLISECOND_S / 3 else 2 * own.unit
     if np.abs(y - y[0]).max() <= rounding:

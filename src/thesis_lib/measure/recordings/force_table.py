@@ -47,6 +47,11 @@ class ForceError(ValueError):
     """A force that cannot be used; the message is one line."""
 
 
+def _doubt(path: Path, problem: str) -> ForceError:
+    """Return the error of a table that cannot be read beyond doubt."""
+    return ForceError(f"{path}: {problem}, {EXAMPLE_TEXT}")
+
+
 @dataclass(frozen=True)
 class _Form:
     """How numbers stand in lines."""
@@ -120,7 +125,7 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
         if line.strip() and not line.lstrip().startswith(("#", "%", "//", "!"))
     ]
     if not numbered:
-        raise ForceError(f"{path}: empty, {EXAMPLE_TEXT}")
+        raise _doubt(path, "empty")
     form, begin = _form_of(path, [line for _, line in numbered])
     body = numbered[begin:]
     width = Counter(len(form.cells(line)) for _, line in body[:LOOKED_AT]).most_common(1)[0][0]
@@ -133,15 +138,12 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
     for own, (number, line) in zip(values, body, strict=True):
         row, good = form.parse(line)
         if not good:
-            raise ForceError(
-                f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, "
-                f"{EXAMPLE_TEXT}"
-            )
+            raise _doubt(path, f"line {number}: {line.strip()[:40]!r} is not a time and a force")
         own[: len(row)] = row[:width]
     values[:, clocks] -= values[0, clocks]  # times of day count from the first
     header = [form.cells(line) for _, line in numbered[:begin]]
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
-        raise ForceError(f"{path}: its commas part columns and mark decimals, {EXAMPLE_TEXT}")
+        raise _doubt(path, "its commas part columns and mark decimals")
     names, units = _header(header, width)
     labels = [f"{k} ({name})" if name else f"{k}" for k, name in enumerate(names, 1)]
     scaled, told = [], []
@@ -150,40 +152,31 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
         if len(columns) != 1:
             pairs = zip(labels, units, strict=True)
             shown = ", ".join(f"{label} in {unit}" if unit else label for label, unit in pairs)
-            raise ForceError(
-                f"{path}: {'several columns may be' if columns else 'no column is clearly'} the "
-                f"{kind}, of columns {shown}; {EXAMPLE_TEXT}"
-            )
+            which = "several columns may be" if columns else "no column is clearly"
+            raise _doubt(path, f"{which} the {kind}, of columns {shown}")
         (k,) = columns
         for bad in np.flatnonzero(~np.isfinite(values[:, k])):
-            raise ForceError(
-                f"{path}: line {body[bad][0]} has no number in column {labels[k]}, the {kind}; "
-                f"{EXAMPLE_TEXT}"
-            )
+            where = f"line {body[bad][0]} has no number in column {labels[k]}"
+            raise _doubt(path, f"{where}, the {kind}")
         if k in clocks:  # whatever it is called, as "Time (UTC)" or "Time (h:m:s)"
             units[k] = "s"
         unit = units[k] or _unknown_unit(names[k])
         factor = 1e6 if unit == "MN" else SI_UNITS[kind].get((unit or SI_NAMES[kind]).lower())
         if factor is None:
             known = join_words([alike.split()[0] for alike in _WORDS["units"][kind]], "or")
-            raise ForceError(
-                f"{path}: column {labels[k]}, the {kind}, is in {unit}, allowed: {known}"
-            )
+            where = f"column {labels[k]}, the {kind}"
+            raise ForceError(f"{path}: {where}, is in {unit}, allowed: {known}")
         scaled.append(values[:, k] * factor)
         told.append(f"{kind} from column {labels[k]} in {unit or SI_NAMES[kind]}")
     times, newtons = scaled
     for k in np.flatnonzero(np.diff(times) <= 0)[:1] + 1:
-        raise ForceError(
-            f"{path}: line {body[k][0]}: {times[k]:g} s, allowed: after the line before"
-        )
+        where = f"line {body[k][0]}: {times[k]:g} s"
+        raise ForceError(f"{path}: {where}, allowed: after the line before")
     if len(times) < MIN_SAMPLES:
         raise ForceError(f"{path}: {len(times)} samples, allowed: {MIN_SAMPLES} or more")
     step, stated = float(np.median(np.diff(times))), units[found["time"][0]]
     if not stated and step > MAX_UNSTATED_STEP_S:
-        raise ForceError(
-            f"{path}: its times step by {step:g} and have no unit, allowed: a unit, as time_ms or "
-            f"time_s, or steps up to {MAX_UNSTATED_STEP_S:g} s"
-        )
+        raise _doubt(path, f"its times step by {step:g} and have no unit")
     return times, newtons, ", ".join(told)
 
 
@@ -209,8 +202,7 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
     counts = {form: sum(good for _, good in rows) for form, rows in parsed.items()}
     most = max(counts.values())
     if most <= len(end) / 2:
-        line = lines[len(lines) // 2].strip()[:40]
-        raise ForceError(f"{path}: {line!r} is not a time and a force, {EXAMPLE_TEXT}")
+        raise _doubt(path, f"{lines[len(lines) // 2].strip()[:40]!r} is not a time and a force")
     least = max(0.98 * most, len(end) / 2)
     best = [form for form, count in counts.items() if count > least]
     data = [k for k in range(len(end)) if all(parsed[form][k][1] for form in best)]
@@ -219,10 +211,7 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
     form = best[0]
     if any(numbers[form] != numbers[other] for other in best):
         marks = " or ".join(f"{one.separator!r} and {one.decimal!r}" for one in best)
-        raise ForceError(
-            f"{path}: its numbers can be read in two ways, with {marks} as separator and decimal "
-            f"mark, {EXAMPLE_TEXT}"
-        )
+        raise _doubt(path, f"its numbers can be read in two ways, by separator and mark {marks}")
     usual = Counter(len(form.cells(end[k])) for k in data).most_common(1)[0][0]
     begin = next(
         k

@@ -96,9 +96,7 @@ class CameraFiles(Fields):
             sides = np.diff([*self.corners_px, *self.corners_px[:2]], axis=0)
             turns = sides[:-1, 0] * sides[1:, 1] - sides[:-1, 1] * sides[1:, 0]
             if not (np.all(turns > 0) or np.all(turns < 0)):
-                self.refuse(
-                    "corners_px", "allowed: null, or four [u, v] around a convex quadrilateral"
-                )
+                self.refuse("corners_px", "allowed: null, or [u, v] of a convex quadrilateral")
         return self
 
 
@@ -182,17 +180,14 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         In one line: the file, the line or field, what was given and what is allowed.
     """
     if not path.is_file():
-        raise ManifestError(
-            f"{path}: {'a folder, give the YAML file in it' if path.is_dir() else 'no such file'}"
-        )
+        why = "a folder, give the YAML file in it" if path.is_dir() else "no such file"
+        raise ManifestError(f"{path}: {why}")
     try:
         values = text_files.parse_yaml(text_files.read_text(path))
     except text_files.TextFileError as error:
         raise ManifestError(f"{path}: {error}") from None
     if not isinstance(values, dict):
-        raise ManifestError(
-            f"{path}: given {format_given(values)}, allowed: fields and their values"
-        )
+        raise ManifestError(f"{path}: given {format_given(values)}, allowed: fields with values")
     cameras = values.get("cameras")
     several = cameras if isinstance(cameras, list) else []
     _rename_fields([values.get("excitation"), *several], str(path))
@@ -299,10 +294,8 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         counts.append(len(shots))
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
-            yield (
-                f"{where}: given {format_given(given)}, which is {len(files)} images, allowed: at "
-                f"least 3 of {', '.join(sorted(IMAGE_SUFFIXES))}"
-            )
+            least = f"allowed: at least 3 of {', '.join(sorted(IMAGE_SUFFIXES))}"
+            yield f"{where}: given {format_given(given)}, which is {len(files)} images, {least}"
         found = (
             [str(shot.relative_to(folder)) for shot in files] if isinstance(given, str) else given
         )
@@ -322,7 +315,5 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             if where.endswith(".video") and first != where:
                 yield f"{where}: given {format_given(text)}, the same as {first}"
     if exist and len(set(counts)) > 1:
-        yield (
-            f"cameras: given {', '.join(map(str, counts))} board images, allowed: as many for "
-            "every camera, in the same order"
-        )
+        given = ", ".join(map(str, counts))
+        yield f"cameras: given {given} board images, allowed: as many for every camera"

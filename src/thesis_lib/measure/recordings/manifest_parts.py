@@ -281,9 +281,7 @@ class Excitation(Fields):
             self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
         begin, end = self.steady_interval_s or (0.0, 1.0)
         if not 0 <= begin < end <= 1e5:
-            self.refuse(
-                "steady_interval_s", "allowed: [begin, end] in this order, from 0 to 100000, in s"
-            )
+            self.refuse("steady_interval_s", "allowed: [begin, end], from 0 to 100000, in s")
         return self
 
 
@@ -378,16 +376,11 @@ class Radiation(Fields):
         """Refuse what does not go with the structure."""
         markers, corners = structure.marker_points, self.corners(structure)
         if (count := markers.shape[1]) < MIN_SURFACE_MARKERS:
-            self._refuse(
-                "outline_mm",
-                f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}: fewer do not "
-                "tell how the surface between them moves",
-            )
+            least = f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}"
+            self._refuse("outline_mm", f"{least}: fewer do not tell how the surface moves")
         if isinstance(self.outline_mm, tuple):
             if not (3 <= len(self.outline_mm) <= 200 and polygons.is_simple(self.outline_mm)):
-                self._refuse(
-                    "outline_mm", "allowed: 3 to 200 corners [x, y] whose edges do not cross"
-                )
+                self._refuse("outline_mm", "allowed: 3 to 200 corners, edges that do not cross")
             near_edge = polygons.edge_distances(corners, markers).min(axis=0) < 1e-9
             on = polygons.polygon_contains(corners, markers) | near_edge
             if not on.all():
@@ -397,9 +390,7 @@ class Radiation(Fields):
         if self.edges != "by kind" and len(self.edges) != len(corners):
             self._refuse("edges", f'allowed: "by kind", or {len(corners)} of "free" and "held"')
         if self.between == "model" and (structure.kind == "flat" or self.outline_mm != "structure"):
-            self._refuse(
-                "between", 'allowed: null or "spline", since there is no model of this outline'
-            )
+            self._refuse("between", 'allowed: null or "spline": this outline has no model')
         if self.plane_top_mm is not None and self.plane_top_mm <= self.plane_bottom_mm:
             self._refuse("plane_top_mm", "allowed: null, or a number above plane_bottom_mm, in mm")
 

@@ -132,10 +132,9 @@ def _check_frames(path: Path, frames: Iterable[Image]) -> Iterator[Image]:
     for k, image in enumerate(frames):
         shape = shape or image.shape
         if image.dtype != np.uint8 or image.shape != shape or [n % 2 for n in shape] != [0, 0]:
-            raise MediaError(
-                f"{path}: frame {k} is {image.dtype} of shape {image.shape}, allowed: uint8 of "
-                "an even height and width, the same for all"
-            )
+            allowed = "uint8 of an even height and width, the same for all"
+            given = f"frame {k} is {image.dtype} of shape {image.shape}"
+            raise MediaError(f"{path}: {given}, allowed: {allowed}")
         yield image
 
 
@@ -171,10 +170,8 @@ def read_frames(
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
             if (time - previous) * info.frame_rate > 1.75:
-                raise MediaError(
-                    f"{path}: frame {k} is missing: the one before is at {previous:.3f} s, "
-                    f"the next at {time:.3f} s"
-                )
+                between = f"between {previous:.3f} s and {time:.3f} s"
+                raise MediaError(f"{path}: frame {k} is missing, {between}")
             if k >= start:
                 yield _show_frame(frame, info.depth)
             k, previous = k + 1, time
@@ -228,9 +225,8 @@ def _read_levels(path: Path) -> NDArray[Any]:
         try:
             import pillow_heif
         except ImportError:
-            raise MediaError(
-                f"{path}: HEIC needs pillow-heif: pip install thesis-lib[heic], or save JPEG"
-            ) from None
+            advice = "pip install thesis-lib[heic], or save JPEG"
+            raise MediaError(f"{path}: HEIC needs pillow-heif: {advice}") from None
         try:  # turned as it is to be shown
             picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
         except (ValueError, OSError, EOFError, SyntaxError):
@@ -327,17 +323,14 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
         with contextlib.suppress(ValueError):
             numbers[key] = float(given)
         if not 1 <= numbers.get(key, 0) <= MAX_RAW_NUMBER:
-            raise MediaError(
-                f"{header}: {name}: given {format_given(given)}, allowed: 1 to {MAX_RAW_NUMBER}"
-            )
+            given = format_given(given)
+            raise MediaError(f"{header}: {name}: given {given}, allowed: 1 to {MAX_RAW_NUMBER}")
     rate, *whole = numbers.values()
     count, width, height, bits, depth = map(int, whole)
     _, side = entry(BIT_SIDE_FIELD)
     if bits not in RAW_BITS or depth > bits or side not in ("Lower", "Higher"):
-        raise MediaError(
-            f"{header}: {bits} bits for a pixel, {depth} of them used, side {format_given(side)}, "
-            f"allowed: {[*RAW_BITS]}, grey; Lower or Higher"
-        )
+        given = f"{bits} bits for a pixel, {depth} of them used, side {format_given(side)}"
+        raise MediaError(f"{header}: {given}, allowed: {[*RAW_BITS]}, grey; Lower or Higher")
     raw, size = header.with_suffix(".mraw"), height * width * bits // 8
     if not raw.is_file() or raw.stat().st_size < count * size:
         raise MediaError(f"{raw}: not there, or shorter than the {count} frames of {header}")
@@ -375,10 +368,8 @@ def _retime_frames(source: Path, target: Path, rate: float) -> None:
         with contextlib.suppress(av.FFmpegError, ValueError):  # .mov does not hold VP8, for one
             whole_file(target, lambda part: _copy(source, part, stamps, unit))
             return
-    raise MediaError(
-        f"{source}: its frames cannot be copied into a .mov, allowed: the video as it is, with "
-        f"captured_hz: {rate:g} in the manifest"
-    )
+    allowed = f"the video as it is, with captured_hz: {rate:g} in the manifest"
+    raise MediaError(f"{source}: its frames cannot be copied into a .mov, allowed: {allowed}")
 
 
 def _presentation_order(source: Path) -> tuple[IntArray, bool]:

@@ -128,9 +128,7 @@ def decode_frames(
             return
         except (av.FFmpegError, OSError):
             if count:
-                raise MediaError(
-                    f"{path}: damaged, cannot be decoded from frame {count} on"
-                ) from None
+                raise MediaError(f"{path}: damaged from frame {count} on") from None
             continue
         for frame in frames:
             if not frame.is_corrupt:
@@ -325,10 +323,8 @@ def frame_times(path: Path) -> Array:
                 if packet.size and not packet.is_discard:
                     stamp = packet.dts if untimed or packet.pts is None else packet.pts
                     if stamp is None or packet.time_base is None:
-                        raise MediaError(
-                            f"{path}: its frames have no time stamps; give them a rate: "
-                            f"thesis convert {shlex.quote(str(path))} --rate-hz RATE"
-                        )
+                        advice = f"thesis convert {shlex.quote(str(path))} --rate-hz RATE"
+                        raise MediaError(f"{path}: its frames have no time stamps; {advice}")
                     times.append(float(stamp * packet.time_base))
         except (av.FFmpegError, OSError):
             raise MediaError(f"{path}: damaged after frame {len(times)}") from None

@@ -61,10 +61,8 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     videos, passed = _find_videos(folder)
     if not 2 <= len(videos) <= 16:
         others = f" ({'; '.join(passed)})" if passed else ""
-        raise ManifestError(
-            f"{folder}: {len(videos)} videos, allowed: 2 to 16{others}; to plan before "
-            "recording: -p cameras=4"
-        )
+        allowed = f"2 to 16{others}; to plan before recording: -p cameras=4"
+        raise ManifestError(f"{folder}: {len(videos)} videos, allowed: {allowed}")
     manifest = manifests.validate_manifest(_values(folder, videos, given), str(folder))
     slowed = any(is_slowed(probe_media(video)) for video in videos)
     assumed = find_assumed(manifest, given, (*ASKED_FIELDS, *["cameras.captured_hz"][slowed:]))
@@ -134,9 +132,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
         for part in parts:
             inside = inside.setdefault(part, {})
             if not isinstance(inside, dict):
-                raise ManifestError(
-                    f"-p: {name} is inside what is given, too; allowed: one of them"
-                )
+                raise ManifestError(f"-p: {name} is inside what is given; allowed: one of them")
         inside[last] = value
     markers = values.get("structure", {}).get("markers", {})
     if isinstance(markers, dict) and "spacing_mm" in markers:  # as on the printed sheet
@@ -295,10 +291,8 @@ def _check_names(folder: Path, videos: Sequence[Path]) -> None:
             groups["are chapters of one recording", match[1]].append(video.name)
     for (why, _), names in groups.items():
         if len(names) > 1:
-            raise ManifestError(
-                f"{folder}: {', '.join(names)} {why}, allowed: one video of each camera; move the "
-                "others to another folder, or rename what is another camera's"
-            )
+            allowed = "one video of each camera; move the others, or rename another camera's"
+            raise ManifestError(f"{folder}: {', '.join(names)} {why}, allowed: {allowed}")
 
 
 PAGE_NAME = "corners.html"

@@ -68,26 +68,19 @@ def check_excitation(manifest: Manifest) -> Iterator[str]:
     """
     rates = [camera.rate_hz for camera in manifest.cameras]
     frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_duration_s
+    given = f"excitation.frequency_hz: given {frequency or 0:.6g}"
     if frequency is not None and manifest.excitation.undersampled:
         for i, half in enumerate(rate / 2 for rate in rates):
             multiple = max(1, round(frequency / half)) * half
             if abs(frequency - multiple) < STANDS_STILL * half:
                 off = format_limit(STANDS_STILL * half, upper=False)
-                yield (
-                    f"excitation.frequency_hz: given {frequency:.6g}, allowed: at least {off} Hz "
-                    f"from {multiple:.6g} Hz, a multiple of half the frame rate of cameras[{i}]"
-                )
+                why = f"{multiple:.6g} Hz, a multiple of half the frame rate of cameras[{i}]"
+                yield f"{given}, allowed: at least {off} Hz from {why}"
     elif frequency is not None and frequency >= min(rates) / 2:
-        yield (
-            f"excitation.frequency_hz: given {frequency:.6g}, allowed: below half of the frame "
-            f"rate, {min(rates) / 2:g} Hz"
-        )
+        yield f"{given}, allowed: below half of the frame rate, {min(rates) / 2:g} Hz"
     if rest * min(rates) < 3 - 1e-9 and (rest or manifest.excitation.sound != "none"):
-        least = format_limit(3 / min(rates), upper=False)
-        yield (
-            f"excitation.rest_duration_s: given {rest:.6g}, allowed: at least {least} s, three "
-            "frames"
-        )
+        least = f"at least {format_limit(3 / min(rates), upper=False)} s, three frames"
+        yield f"excitation.rest_duration_s: given {rest:.6g}, allowed: {least}"
 
 
 def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
@@ -107,12 +100,10 @@ def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
         try:
             info = media_info.probe_media(path)
             if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
-                yield (
-                    f"cameras[{i}].video: {path}: {info.frame_rate:.6g} frames per second, "
-                    f"allowed: {camera.frame_rate_hz:.6g} as the manifest says, as "
-                    f"cameras[{i}].frame_rate_hz; slow motion that plays slowly has the sensor's "
-                    f"rate in cameras[{i}].captured_hz"
-                )
+                own = f"{path}: {info.frame_rate:.6g} frames per second"
+                rate = f"{camera.frame_rate_hz:.6g}, as cameras[{i}].frame_rate_hz"
+                advice = "slow motion has the sensor's rate in captured_hz"
+                yield f"cameras[{i}].video: {own}, allowed: {rate}; {advice}"
             if info.size != camera.size:
                 yield f"cameras[{i}].video: {path}: {_px(info.size)}, {size}"
             for problem in _check_video(path, camera, info, manifest.excitation):
@@ -121,9 +112,9 @@ def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
             yield f"cameras[{i}].video: {error}"
         for shot in filter(None, shot_paths(camera, folder)):
             try:
-                own = media.read_png(shot).shape[::-1]
-                if own != camera.size:
-                    yield f"cameras[{i}].board_images: {shot}: {_px(own)}, {size}"
+                taken = media.read_png(shot).shape[::-1]
+                if taken != camera.size:
+                    yield f"cameras[{i}].board_images: {shot}: {_px(taken)}, {size}"
             except MediaError as error:
                 yield f"cameras[{i}].board_images: {error}"
     yield from _check_force(manifest, folder)
@@ -166,35 +157,25 @@ def _check_video(
     """Yield what is wrong with a film's rate, lines, stated lengths and sound."""
     heard, rest = excitation.sound != "none", excitation.rest_duration_s
     if is_slowed(info) and camera.captured_hz is None:
+        taken, plays = f"{info.captured_hz:.6g}", f"{info.frame_rate:.6g}"
         yield (
-            f"it says that it was taken at {info.captured_hz:.6g} frames per second, and plays at "
-            f"{info.frame_rate:.6g}; allowed: captured_hz: {info.captured_hz:.6g} in the manifest, "
-            f"or {info.frame_rate:.6g} if it plays at its true speed"
+            f"it says that it was taken at {taken} frames per second, and plays at {plays}; "
+            f"allowed: captured_hz: {taken} in the manifest, or {plays} if that is its true speed"
         )
     if camera.rate_hz != camera.frame_rate_hz and heard:
-        yield (
-            f"slow motion by captured_hz, {camera.captured_hz:.6g}, whose sound does not go with "
-            "its frames, allowed: excitation.sound: none"
-        )
+        why = f"slow motion by captured_hz, {camera.captured_hz:.6g}"
+        yield f"{why}, whose sound does not go with its frames, allowed: excitation.sound: none"
     if info.interlaced:
-        yield (
-            "interlaced, so that even and odd lines were taken at different times; allowed: "
-            "progressive (p, not i)"
-        )
+        yield "interlaced: odd lines were taken at other times, allowed: progressive (p, not i)"
     if heard and not info.has_audio:
-        yield (
-            "no audio track; it is needed to synchronise the cameras, but for a steady vibration "
-            "with excitation.sound: none"
-        )
+        yield "no audio track, allowed: one, or a steady vibration with excitation.sound: none"
     if info.duration is not None:  # slow motion took less time than it plays for
         took = info.duration * info.frame_rate / (camera.captured_hz or info.frame_rate)
         if took <= rest:
             yield f"{took:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
         if heard and abs((info.sound_end or info.duration) - info.duration) > MAX_END_GAP_S:
-            yield (
-                f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
-                f"allowed: at most {MAX_END_GAP_S:g} s apart"
-            )
+            ends = f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s"
+            yield f"{ends}, allowed: at most {MAX_END_GAP_S:g} s apart"
     if heard and info.has_audio:
         yield from _check_sound(path)
 
