@@ -77,11 +77,9 @@ def _draw_polygons(axes: Axes, vertices: ArrayLike) -> None:
     axes.add_collection(PolyCollection(polygons, fc="black", ec="none"), autolim=False)
 
 
-def _rectangle_vertices(
-    x: float, y: float, width: float, height: float
-) -> list[tuple[float, float]]:
-    """Return the vertices of a rectangle with its lower left corner at x, y."""
-    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+def _rectangle_vertices(x: float, y: float, width: float, height: float) -> Array:
+    """Return the vertices (4, 2) of a rectangle with its lower left corner at x, y."""
+    return np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
 
 
 BITS_PER_MARK = 7  # along a mark with its black frame
@@ -125,18 +123,14 @@ def write_board(
     board = Board(columns, rows, tile_mm / 1000, margin / 1000)
     left, low = (wide - columns * tile_mm) / 2, (high - rows * tile_mm) / 2
     dark = 1000 * board.dark_tiles + [columns * tile_mm / 2, rows * tile_mm / 2]
-    kind = "kind: charuco, " if charuco else ""
-    said = (
-        f"in the manifest: board: {{{kind}columns: {columns}, rows: {rows}, tile_mm: {tile_mm:g}, "
-        f"margin_mm: {np.floor(margin):g}, two_sided: {str(two_sided).lower()}}}"
-    )
+    said = f"{'kind: charuco, ' * charuco}columns: {columns}, rows: {rows}, tile_mm: {tile_mm:g}"
+    said += f", margin_mm: {np.floor(margin):g}, two_sided: {str(two_sided).lower()}"
+    said = f"in the manifest: board: {{{said}}}"
     if charuco:
         dark = dark * [1, -1] + [0, rows * tile_mm]  # OpenCV begins with a dark tile at the top
         dark = np.concatenate([dark[:, ::-1], _marks(columns, rows, tile_mm)])
-        said += (
-            f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {tile_mm:g}, "
-            f"{MARK_RATIO * tile_mm:g}, {MARK_DICTIONARY})"
-        )
+        sides_mm = f"{tile_mm:g}, {MARK_RATIO * tile_mm:g}"
+        said += f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {sides_mm}, {MARK_DICTIONARY})"
     dark = dark + [left, low]
     pages = [(partial(_draw_polygons, vertices=dark), "front: " * two_sided + said)]
     if two_sided:
@@ -196,14 +190,12 @@ def write_markers(
         raise RefusedError(f"--spacing-mm: given {spacing_mm:g} and {across:g}, allowed: {most}")
 
     def draw(axes: Axes, nx: int, ny: int) -> None:
-        width, height = nx * spacing_mm, ny * across
+        width, height, colour = nx * spacing_mm, ny * across, "white" if bright else "black"
         if bright:
             _draw_polygons(axes, [_rectangle_vertices(0, 0, width, height)])
         for row, column in np.ndindex(ny, nx):
             centre = (column + 0.5) * spacing_mm, (row + 0.5) * across
-            axes.add_patch(
-                Circle(centre, diameter_mm / 2, fc="white" if bright else "black", ec="none")
-            )
+            axes.add_patch(Circle(centre, diameter_mm / 2, fc=colour, ec="none"))
         for x, side in ((0.0, -4), (width, 4)):  # corner marks, outside of what is used
             for y, up in ((0.0, -4), (height, 4)):
                 axes.plot([x, x + side], [y, y], "k-", linewidth=0.3, clip_on=False)
@@ -213,10 +205,8 @@ def write_markers(
     for low in range(0, rows, per[1]):
         for left in range(0, columns, per[0]):
             nx, ny = min(per[0], columns - left), min(per[1], rows - low)
-            words = (
-                f"columns {left + 1} to {left + nx}, rows {low + 1} to {low + ny}: diameter "
-                f"{diameter_mm:g} mm, {spacing_mm:g} mm × {across:g} mm apart"
-            )
+            words = f"columns {left + 1} to {left + nx}, rows {low + 1} to {low + ny}: diameter "
+            words += f"{diameter_mm:g} mm, {spacing_mm:g} mm × {across:g} mm apart"
             pages.append((partial(draw, nx=nx, ny=ny), words))
     _write_pages(path, paper, True, pages)
     return len(pages)
@@ -269,11 +259,11 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
             colour, tilt = cycle_color(k), np.radians(elevation)
             axes.plot(*np.transpose([centre, polar_point(turn, radius)]), color=colour, lw=1.2)
             axes.text(*polar_point(turn, 0.8 * radius), name, size=10, color=colour)
-            lines.append(
-                f"{name}: azimuth {turn:g}°, elevation {elevation:g}°; "
-                f"{distance * np.cos(tilt):.0f} mm along its ray, {distance * np.sin(tilt):.0f} mm "
-                f"above the structure; {distance:g} mm from its centre"
+            along, up = f"{distance * np.cos(tilt):.0f} mm", f"{distance * np.sin(tilt):.0f} mm"
+            where = (
+                f"{along} along its ray, {up} above the structure; {distance:g} mm from its centre"
             )
+            lines.append(f"{name}: azimuth {turn:g}°, elevation {elevation:g}°; {where}")
         top = high - 2 * radius - 24
         step = min(6.0, top / (len(lines) - 1))  # mm, so that the last line is above the strip
         for k, line in enumerate(lines):
