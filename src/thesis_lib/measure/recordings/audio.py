@@ -87,10 +87,6 @@ class _Survey:
         self.products += block @ block.T
         self.clipped += np.count_nonzero(np.abs(block) >= FULL_SCALE, axis=1)
 
-    def stop(self) -> None:
-        """Note that what comes after the samples so far is damaged."""
-        self.damaged = sum(self.counts) / max(self.rate, 1)
-
     @property
     def covariance(self) -> Array:
         """Return the covariance of the channels, shape (channels, channels)."""
@@ -130,22 +126,23 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
             raise MediaError(f"{path}: the audio track is empty")
         first, last, start, pace = _timing(path, survey)
         film = start_of_film(path)
-        picture = start if film is None else film
         rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
         # MP3 in a container that cannot state its encoder's delay
         hidden = file.format.name == "avi" and track.codec_context.name.startswith("mp3")
         late = MP3_DELAY / rate if film is not None and hidden else 0.0
         own = rate / pace
-        stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
+        if own != rate:
+            stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
+            words = "; ".join(filter(None, [words, stamps]))
         yield AudioTrack(
             rate=own,
-            start=start - picture - late,
+            start=start - (start if film is None else film) - late,
             blocks=_mix_blocks(path, file.decode(track), chosen, slice(first, last)),
             stated_rate=rate,
             samples=sum(survey.counts[first:last]),
             level=float(np.sqrt(max(part.mean(), 0.0))),
             clipped=int(min(survey.clipped[chosen])),
-            source="; ".join(filter(None, [words, stamps if own != rate else ""])),
+            source=words,
         )
 
 
@@ -194,27 +191,18 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
         convert = {track.index: av.AudioResampler(format="fltp") for track in tracks}
         try:
             for packet in file.demux(*tracks):
-                own = found[packet.stream.index]
-                if own.damaged is not None:
-                    continue
-                try:
-                    for frame in packet.decode():
-                        for block in convert[packet.stream.index].resample(frame):  # type: ignore[arg-type]
-                            own.add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
-                except (av.FFmpegError, OSError, ValueError):
-                    own.stop()
-        except (av.FFmpegError, OSError):
+                for frame in packet.decode():
+                    for block in convert[packet.stream.index].resample(frame):  # type: ignore[arg-type]
+                        found[packet.stream.index].add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
+        except (av.FFmpegError, OSError, ValueError):
             for one in found.values():
-                one.stop()
+                one.damaged = sum(one.counts) / max(one.rate, 1)
     return [*found.values()]
 
 
 def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
     """Choose the track and its channels that hold sound, and name them where others do not."""
-    levels = [
-        np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) * (one.damaged is None)
-        for one in surveys
-    ]
+    levels = [np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) for one in surveys]
     track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
     words = [f"track {track + 1} of {len(surveys)}"] if track else []
     covariance = surveys[track].covariance
