@@ -1,10 +1,7 @@
 """Sound as recorders write it: its pace, its gaps, its tracks and channels; and sounds compared."""
 
-import re
-
 import numpy as np
 import pytest
-from command import thesis
 from scenes.sounds import claps, click, later, music, write_film
 
 from thesis_lib.measure.recordings.audio import open_audio, read_audio
@@ -175,16 +172,3 @@ def test_sounds_that_are_unlike_or_repeat_are_refused(tmp_path, name):
     ]
     with pytest.raises(SynchronisationError, match="no sound in it matches that of a"):
         synchronise_videos(paths)
-
-
-def test_the_command_takes_sounds_and_says_what_it_used(tmp_path):
-    sound = claps(5)
-    one = sound_file(tmp_path / "one.wav", later(sound, 0.3, 9, seed=1))
-    heard = later(sound, 0.8, 8, seed=2)
-    other = write_film(tmp_path / "other.mkv", [np.stack([0 * heard, heard])], 16000,
-                       codec="pcm_s16le", layout="stereo")  # fmt: skip
-    done = thesis("sync", one, other, "--out", tmp_path / "sync")
-    assert (done.status, done.err) == (0, "")
-    assert re.match(r"other starts \+0\.(50000|49999)\d+ s ± 0\.\d\d µs after one", done.out)
-    assert "0.000 ms" not in done.out
-    assert "other's sound: channel 2 of 2" in done.out

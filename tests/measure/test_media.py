@@ -221,18 +221,6 @@ def test_what_cannot_be_written_leaves_no_file(tmp_path, frames, audio, words):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_interrupted_recording_leaves_the_old_file(tmp_path, video):
-    def frames():
-        yield from noise(5)
-        raise KeyboardInterrupt
-
-    path = tmp_path / "A.mkv"
-    path.write_bytes(b"old")
-    with pytest.raises(KeyboardInterrupt):
-        write_video(path, frames(), 60, sound())
-    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("A.mkv", b"old")]
-
-
 # Images.
 
 
