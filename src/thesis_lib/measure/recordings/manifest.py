@@ -5,7 +5,6 @@ SI units.
 """
 
 from collections.abc import Iterable, Iterator
-from itertools import combinations
 from pathlib import Path
 from typing import Any, Self
 
@@ -142,10 +141,11 @@ class Manifest(Fields):
                 if camera.board_images is None:
                     why = "allowed without calibration: board images"
                     refuse_value(f"cameras[{i}].board_images", None, why)
-        for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
-            if one.name == other.name:
-                why = f"the same as cameras[{i}].name, allowed: another one"
-                refuse_value(f"cameras[{j}].name", other.name, why)
+        names = [camera.name for camera in self.cameras]
+        for i, name in enumerate(names):
+            if (first := names.index(name)) < i:
+                why = f"the same as cameras[{first}].name, allowed: another one"
+                refuse_value(f"cameras[{i}].name", name, why)
         if self.radiation is not None:
             self.radiation.check(own)
         return self

@@ -33,14 +33,14 @@ from thesis_lib.studies.fields import format_given
 MAX_SAMPLED_PICTURES = 50  # of a folder, in which the brightest grey level is looked for
 MAX_RAW_NUMBER = 10**8  # frames, px, bits or Hz, beyond which a header is damaged
 #: Names in the text header and in the XML header of raw frames
-RAW_FIELDS = {
-    "rate": ("Record Rate(fps)", "recordRate"),
-    "frames": ("Total Frame", "totalFrame"),
-    "width": ("Image Width", "width"),
-    "height": ("Image Height", "height"),
-    "bits": ("Color Bit", "bit"),
-    "depth": ("EffectiveBit Depth", "depth"),
-}
+RAW_FIELDS = (
+    ("Record Rate(fps)", "recordRate"),
+    ("Total Frame", "totalFrame"),
+    ("Image Width", "width"),
+    ("Image Height", "height"),
+    ("Color Bit", "bit"),
+    ("EffectiveBit Depth", "depth"),
+)
 BIT_SIDE_FIELD = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
 RAW_BITS = 8, 12, 16  # of a pixel, that are read
 TIME_UNIT_S = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
@@ -175,11 +175,9 @@ def read_frames(
             if k >= start:
                 yield _show_frame(frame, info.depth)
             k, previous = k + 1, time
-        there = info.frames if clock is None else len(clock)
-        wanted = there if stop is None else stop
+        wanted = stop if stop is not None else info.frames if clock is None else len(clock)
         if wanted is not None and k < wanted:
-            says = f"the file says {there}" if stop is None else f"asked up to {stop}"
-            raise MediaError(f"{path}: ends before frame {k}, {says} frames")
+            raise MediaError(f"{path}: ends before frame {k}, of {wanted} frames")
 
 
 def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
@@ -222,13 +220,13 @@ def _read_levels(path: Path) -> NDArray[Any]:
     media_info.check_is_file(path)
     data = path.read_bytes()
     if data[4:8] == b"ftyp":  # HEIC, as telephones store images
-        try:
+        try:  # turned as it is to be shown
             import pillow_heif
+
+            picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
         except ImportError:
             advice = "pip install thesis-lib[heic], or save JPEG"
             raise MediaError(f"{path}: HEIC needs pillow-heif: {advice}") from None
-        try:  # turned as it is to be shown
-            picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
         except (ValueError, OSError, EOFError, SyntaxError):
             raise MediaError(f"{path}: not a readable image, or cut off") from None
         if picture.ndim == 3:
@@ -317,15 +315,16 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
             raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
         return name, match[1].strip()
 
-    numbers: dict[str, float] = {}
-    for key, names in RAW_FIELDS.items():
-        name, given = entry(names)
+    numbers = []
+    for name, given in map(entry, RAW_FIELDS):
+        number = math.nan
         with contextlib.suppress(ValueError):
-            numbers[key] = float(given)
-        if not 1 <= numbers.get(key, 0) <= MAX_RAW_NUMBER:
+            number = float(given)
+        if not 1 <= number <= MAX_RAW_NUMBER:
             given = format_given(given)
             raise MediaError(f"{header}: {name}: given {given}, allowed: 1 to {MAX_RAW_NUMBER}")
-    rate, *whole = numbers.values()
+        numbers.append(number)
+    rate, *whole = numbers
     count, width, height, bits, depth = map(int, whole)
     _, side = entry(BIT_SIDE_FIELD)
     if bits not in RAW_BITS or depth > bits or side not in ("Lower", "Higher"):
