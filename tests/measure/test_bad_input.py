@@ -118,7 +118,7 @@ CASES = {
         ["cameras[1].board_images", "0.png: 96 × 64 px, allowed: 64 × 48 px"]),
     "interlaced": (coded(**{"x264-params": "tff=1"}), WRONG, ["B.mp4: interlaced", "progressive"]),
     "another frame rate": (given("cameras.1.frame_rate_hz", 50), WRONG,
-                           ["60 frames per second, allowed: 50", "cameras[1].frame_rate_hz"]),
+                           ["60 frames per second, allowed: 50, its frame_rate_hz"]),
     "shorter than the rest": (video(count=24), WRONG, ["more than rest_duration_s, 0.5 s"]),
     "shorter, played slowly": (
         both(given("cameras.1.captured_hz", 240), given("excitation.sound", "none")), WRONG,

@@ -241,12 +241,13 @@ def beam_default(name: str, scale: int = 1) -> Any:
     return read
 
 
-def _thesis_layout(given: dict[str, Any]) -> bool:
-    """Return whether markers are the thesis's, which alone have a hole unless it is given."""
-    return all(
+def _default_hole(given: dict[str, Any]) -> Place | None:
+    """Return the hole of the thesis's markers, None of others."""
+    own = all(
         given.get(name) == MarkersSpec.model_fields[name].get_default(call_default_factory=True)
         for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
     )
+    return (24.0, 10.0) if own else None
 
 
 class MarkersSpec(Fields):
@@ -268,9 +269,7 @@ class MarkersSpec(Fields):
     """whether they are darker or brighter than the structure"""
     detector: Literal["disc"] = "disc"
     """what finds them in a frame"""
-    hole_mm: Place | None = Field(
-        default_factory=lambda data: (24.0, 10.0) if _thesis_layout(data) else None
-    )
+    hole_mm: Place | None = Field(default_factory=_default_hole)
     """a hole that looks like a marker, from the clamped corner"""
 
 

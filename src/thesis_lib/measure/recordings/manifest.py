@@ -20,7 +20,6 @@ from thesis_lib.studies import fields
 from thesis_lib.studies.fields import Fields, Positive, Real, format_given, refuse_value
 from thesis_lib.text import RefusedError, aside
 
-INSIDE_TEXT = "a path inside the manifest's folder"
 #: Endings of images that are sought in folders
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}
 #: Old to new names of fields, and of kinds of excitation; read until version 2.
@@ -159,9 +158,7 @@ class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
     """Write so that :func:`~.text_files.parse_yaml` reads the same."""
 
 
-_Dumper.add_implicit_resolver(
-    "tag:yaml.org,2002:float", text_files.POWER_PATTERN, list("-+0123456789")
-)
+_Dumper.add_implicit_resolver(*text_files.POWER_RESOLVER)
 
 
 def read_manifest(path: Path, check_files: bool = True) -> Manifest:
@@ -288,7 +285,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         if given is None:
             continue
         if isinstance(given, str) and outside(given):
-            yield f"{where}: given {format_given(given)}, allowed: {INSIDE_TEXT}"
+            yield f"{where}: given {format_given(given)}, allowed: {parts.INSIDE_TEXT}"
             continue
         shots = shot_paths(camera, folder)
         counts.append(len(shots))
@@ -307,7 +304,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         if text is None:
             continue
         if outside(text):
-            yield f"{where}: given {format_given(text)}, allowed: {INSIDE_TEXT}"
+            yield f"{where}: given {format_given(text)}, allowed: {parts.INSIDE_TEXT}"
         elif exist and not (folder / text).is_file():
             yield f"{where}: given {format_given(text)}, no such file in {folder}"
         else:

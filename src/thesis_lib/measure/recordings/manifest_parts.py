@@ -169,9 +169,8 @@ def list_kinds(wanted: Callable[[Behaviour], bool]) -> str:
 TABLE_SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".tab", ".dat", ".asc", ".lvm"])
 """Endings of files that are read as a table of a force."""
 
-FileName = Annotated[
-    str, Field(min_length=1, max_length=500, title="a path inside the manifest's folder")
-]
+INSIDE_TEXT = "a path inside the manifest's folder"
+FileName = Annotated[str, Field(min_length=1, max_length=500, title=INSIDE_TEXT)]
 Channel = Annotated[Whole, Field(ge=1, le=64)]
 
 

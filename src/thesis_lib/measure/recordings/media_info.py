@@ -42,11 +42,9 @@ class VideoInfo:
     frame_rate: float  #: Mean frame rate in Hz
     frames: int | None  #: Number of frames, None if the file does not say
     duration: float | None  #: Length of the video track in s, None if the file does not say
-    #: When the sound ends after the first frame, s, None if the file does not say
-    sound_end: float | None
+    sound_end: float | None  #: End of the sound after the first frame, s, None if not said
     has_audio: bool  #: Whether there is an audio track
-    #: Whether even and odd lines of a frame were taken at different times
-    interlaced: bool
+    interlaced: bool  #: Whether even and odd lines of a frame were taken at different times
     start: float  #: Time of the first frame that can be decoded, by the file's clock, s
     depth: int  #: Bits that hold the grey levels
     captured_hz: float | None  #: Rate in Hz at which the file says it was taken
@@ -88,11 +86,8 @@ def video_track(file: InputContainer, path: Path) -> av.VideoStream:
     pixels is taken, of equal ones the first. A :class:`MediaError` is raised if there is none.
     """
     still = Disposition.attached_pic | Disposition.timed_thumbnails
-    films = [
-        track
-        for track in file.streams.video
-        if not track.disposition & still and track.codec_context is not None  # as an SVG's is
-    ]
+    tracks = [track for track in file.streams.video if not track.disposition & still]
+    films = [track for track in tracks if track.codec_context is not None]  # as an SVG's is
     if len(films) > 1:
         films = [film for film in films if _has_frames(path, film.index)] or films
     if not films:
@@ -272,12 +267,8 @@ def _capture_rate(file: InputContainer, stream: av.VideoStream, path: Path) -> f
 
     Android writes it beside the tracks, Sony's cameras into XML at the end of the file.
     """
-    texts = [
-        text
-        for source in (stream.metadata, file.metadata)
-        for name, text in source.items()
-        if _CAPTURE_RATE.search(name)
-    ]
+    stated = file.metadata | stream.metadata
+    texts = [text for name, text in stated.items() if _CAPTURE_RATE.search(name)]
     with path.open("rb") as data:
         ends = data.read(SONY_BYTES)
         data.seek(max(0, path.stat().st_size - SONY_BYTES))

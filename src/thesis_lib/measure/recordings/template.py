@@ -77,12 +77,10 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     return path, [*told, *list_assumed(manifest, assumed)]
 
 
-def find_assumed(
-    manifest: Manifest, given: Mapping[str, Any], among: Sequence[str]
-) -> tuple[str, ...]:
+def find_assumed(manifest: Manifest, given: Mapping[str, Any], among: Sequence[str]) -> list[str]:
     """Return the fields that no file shows of such a structure and board, and nobody gave."""
     asked = (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
-    return tuple(name for name in asked if not _is_given(name, given))
+    return [name for name in asked if not _is_given(name, given)]
 
 
 def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -95,20 +93,13 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
         name = video.stem.strip()[:MAX_NAME_CHARACTERS].strip() or f"camera {k + 1}"
         if any(name == camera["name"] for camera in cameras):
             name = f"{name[: MAX_NAME_CHARACTERS - 3].strip()} {k + 1}"
-        rate = rate_of(media_info.frame_clock(video), info.frame_rate)
-        cameras.append(
-            {
-                "name": name,
-                "video": video.name,
-                "width_px": info.size[0],
-                "height_px": info.size[1],
-                "frame_rate_hz": float(f"{rate:.8g}"),
-                "exposure_s": exposure,
-                "board_images": _shots(folder, video.stem, [one.stem for one in videos]),
-            }
-        )
+        rate = float(f"{rate_of(media_info.frame_clock(video), info.frame_rate):.8g}")
+        size = {"width_px": info.size[0], "height_px": info.size[1]}
+        times: dict[str, Any] = {"frame_rate_hz": rate, "exposure_s": exposure}
         if is_slowed(info):
-            cameras[-1]["captured_hz"] = info.captured_hz
+            times["captured_hz"] = info.captured_hz
+        images = _shots(folder, video.stem, [one.stem for one in videos])
+        cameras.append({"name": name, "video": video.name, "board_images": images} | size | times)
     values = with_given(cameras, given)
     reused = values.get("calibration")
     placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
@@ -310,16 +301,10 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
     for camera in manifest.cameras:
         image = next(read_frames(folder / camera.video, 0, 1))
         _, code = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        cameras.append(
-            {
-                "name": camera.name,
-                "size": image.shape[::-1],
-                "image": f"data:image/jpeg;base64,{base64.b64encode(code.tobytes()).decode()}",
-                "corners": camera.corners_px,
-            }
-        )
+        url = f"data:image/jpeg;base64,{base64.b64encode(code.tobytes()).decode()}"
+        shown = {"name": camera.name, "size": image.shape[::-1], "image": url}
+        cameras.append(shown | {"corners": camera.corners_px})
     state = {"cameras": cameras}
     form = static_html(join_modules("corners"), read_asset("corners.css"), state, NO_SCRIPT_TEXT)
-    return render_html(
-        "measure/recordings/templates/corners.html.j2", title="Corners of the structure", form=form
-    )
+    page = "measure/recordings/templates/corners.html.j2"
+    return render_html(page, title="Corners of the structure", form=form)

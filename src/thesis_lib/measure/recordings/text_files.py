@@ -32,7 +32,8 @@ MAX_CHARACTERS = 10_000  # of a single value in YAML
 # Of TOML, which needs memory as the square of a name's parts: twenty in a row, a thousand quoted
 _LONG_NAME = re.compile(r"(?:\.[ \t]*+[\w-]++[ \t]*+){20}")
 _QUOTED_PART = re.compile(r"""["'][ \t]*+\.""")
-POWER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, which YAML 1.1 has as text
+_POWER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, a text to YAML 1.1
+POWER_RESOLVER = "tag:yaml.org,2002:float", _POWER_PATTERN, list("-+0123456789")
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # of a cell that a spreadsheet computes
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -65,7 +66,7 @@ class _Loader(_SafeLoader):  # type: ignore[misc]
 _Loader.add_constructor(
     "tag:yaml.org,2002:opencv-matrix", lambda own, node: own.construct_mapping(node, deep=True)
 )
-_Loader.add_implicit_resolver("tag:yaml.org,2002:float", POWER_PATTERN, list("-+0123456789"))
+_Loader.add_implicit_resolver(*POWER_RESOLVER)
 
 
 def _refusal(problem: str, at: Any) -> TextFileError:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -96,25 +97,16 @@ def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
         given = format_given(getattr(marks, name))
         yield f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"
     for i, camera in enumerate(manifest.cameras):
-        path, size = folder / camera.video, f"allowed: {_px(camera.size)} as the manifest says"
+        path = folder / camera.video
         try:
-            info = media_info.probe_media(path)
-            if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
-                own = f"{path}: {info.frame_rate:.6g} frames per second"
-                rate = f"{camera.frame_rate_hz:.6g}, as cameras[{i}].frame_rate_hz"
-                advice = "slow motion has the sensor's rate in captured_hz"
-                yield f"cameras[{i}].video: {own}, allowed: {rate}; {advice}"
-            if info.size != camera.size:
-                yield f"cameras[{i}].video: {path}: {_px(info.size)}, {size}"
-            for problem in _check_video(path, camera, info, manifest.excitation):
+            for problem in _check_video(path, camera, manifest.excitation):
                 yield f"cameras[{i}].video: {path}: {problem}"
         except MediaError as error:
             yield f"cameras[{i}].video: {error}"
         for shot in filter(None, shot_paths(camera, folder)):
             try:
-                taken = media.read_png(shot).shape[::-1]
-                if taken != camera.size:
-                    yield f"cameras[{i}].board_images: {shot}: {_px(taken)}, {size}"
+                for problem in _check_size(media.read_png(shot).shape[::-1], camera):
+                    yield f"cameras[{i}].board_images: {shot}: {problem}"
             except MediaError as error:
                 yield f"cameras[{i}].board_images: {error}"
     yield from _check_force(manifest, folder)
@@ -151,11 +143,14 @@ def is_slowed(info: VideoInfo) -> bool:
     return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
 
 
-def _check_video(
-    path: Path, camera: CameraFiles, info: VideoInfo, excitation: Excitation
-) -> Iterator[str]:
-    """Yield what is wrong with a film's rate, lines, stated lengths and sound."""
+def _check_video(path: Path, camera: CameraFiles, excitation: Excitation) -> Iterator[str]:
+    """Yield what is wrong with a film's rate, size, lines, stated lengths and sound."""
+    info = media_info.probe_media(path)
     heard, rest = excitation.sound != "none", excitation.rest_duration_s
+    if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
+        rate = f"{info.frame_rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g}"
+        yield f"{rate}, its frame_rate_hz; slow motion has the sensor's rate in captured_hz"
+    yield from _check_size(info.size, camera)
     if is_slowed(info) and camera.captured_hz is None:
         taken, plays = f"{info.captured_hz:.6g}", f"{info.frame_rate:.6g}"
         yield (
@@ -191,8 +186,10 @@ def on_one_line(points: Array, diameter: float) -> bool:
     return bool(across < (diameter / 4) ** 2)
 
 
-def _px(size: Sequence[int]) -> str:
-    return f"{size[0]} × {size[1]} px"
+def _check_size(size: Sequence[int], camera: CameraFiles) -> Iterator[str]:
+    (width, height), wanted = size, camera.size
+    if (width, height) != wanted:
+        yield f"{width} × {height} px, allowed: {wanted[0]} × {wanted[1]} px as the manifest says"
 
 
 SAMPLING_PX = 4  # px between the pixels of which frames are compared
@@ -231,10 +228,8 @@ def find_repeats(steps: Array, across: Array) -> IntArray:
         return np.zeros(0, int)
     # The largest change in the frames up to each one, and in those from it on.
     window, half = NEIGHBOUR_FRAMES + 1, NEIGHBOUR_FRAMES // 2
-    before = scipy.ndimage.maximum_filter1d(steps, window, mode="constant", origin=half)
-    around = np.minimum(
-        before, scipy.ndimage.maximum_filter1d(steps, window, mode="constant", origin=-half)
-    )
+    largest = partial(scipy.ndimage.maximum_filter1d, steps, window, mode="constant")
+    around = np.minimum(largest(origin=half), largest(origin=-half))
     moving = around > max(MIN_MOTION * float(np.quantile(steps, 0.9)), 1e-9)
     same = moving & (steps <= MAX_RELATIVE_CHANGE * around)
     alone = ~np.roll(same, 1) & ~np.roll(same, -1)
