@@ -260,10 +260,8 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
             axes.plot(*np.transpose([centre, polar_point(turn, radius)]), color=colour, lw=1.2)
             axes.text(*polar_point(turn, 0.8 * radius), name, size=10, color=colour)
             along, up = f"{distance * np.cos(tilt):.0f} mm", f"{distance * np.sin(tilt):.0f} mm"
-            where = (
-                f"{along} along its ray, {up} above the structure; {distance:g} mm from its centre"
-            )
-            lines.append(f"{name}: azimuth {turn:g}°, elevation {elevation:g}°; {where}")
+            at = f"azimuth {turn:g}°, elevation {elevation:g}°; {along} along its ray"
+            lines.append(f"{name}: {at}, {up} above the structure; {distance:g} mm from its centre")
         top = high - 2 * radius - 24
         step = min(6.0, top / (len(lines) - 1))  # mm, so that the last line is above the strip
         for k, line in enumerate(lines):

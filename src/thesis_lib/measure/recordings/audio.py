@@ -137,7 +137,7 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
         yield AudioTrack(
             rate=own,
             start=start - (start if film is None else film) - late,
-            blocks=_mix_blocks(path, file.decode(track), chosen, slice(first, last)),
+            blocks=_mix_blocks(path, islice(file.decode(track), first, last), chosen),
             stated_rate=rate,
             samples=sum(survey.counts[first:last]),
             level=float(np.sqrt(max(part.mean(), 0.0))),
@@ -163,15 +163,15 @@ def read_audio(path: Path) -> tuple[Array, float, float]:
 
 
 def _mix_blocks(
-    path: Path, frames: Iterator[av.AudioFrame], channels: Sequence[int], part: slice
+    path: Path, frames: Iterator[av.AudioFrame], channels: list[int]
 ) -> Iterator[Array]:
     """Yield the samples of some frames, mixed of some channels, some blocks of them at once."""
     convert = av.AudioResampler(format="fltp")
     blocks, held = [], 0
     try:
-        for frame in islice(frames, part.start, part.stop):
+        for frame in frames:
             for block in convert.resample(frame):
-                blocks.append(block.to_ndarray()[list(channels)].mean(axis=0))
+                blocks.append(block.to_ndarray()[channels].mean(axis=0))
             held += frame.samples
             if held >= BLOCK_SAMPLES:
                 yield np.concatenate(blocks, dtype=float)
@@ -200,7 +200,7 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
     return [*found.values()]
 
 
-def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
+def _loud(surveys: Sequence[_Survey]) -> tuple[int, list[int], str]:
     """Choose the track and its channels that hold sound, and name them where others do not."""
     levels = [np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) for one in surveys]
     track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))

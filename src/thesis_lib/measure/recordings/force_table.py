@@ -24,9 +24,7 @@ MIN_SAMPLES = 100
 MAX_BYTES = 1 << 30  # of a table that is read at all
 LOOKED_AT = 400  # lines from which separator, decimal mark and header are told
 MAX_UNSTATED_STEP_S = 0.03  # between samples, from which on times may be ms or numbers of samples
-EXAMPLE_TEXT = (
-    'allowed: a time and a force in each line, as "time_s,force_N" and below it "0.001,12.5"'
-)
+EXAMPLE_TEXT = 'allowed: a time and a force in each line, as "time_s,force_N", "0.001,12.5"'
 
 UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
               r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
@@ -233,9 +231,8 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
         alone, split = [cell.strip("[]() ") for cell in cells], [_split(cell) for cell in cells]
         known = [_is_unit(one) for one in alone]
         filled = [one.lower() for one in alone if one]
-        unnamed = sum(known) == len(filled) and all(
-            any(one in table for one in filled) for table in SI_UNITS.values()
-        )
+        both = all(table.keys() & filled for table in SI_UNITS.values())
+        unnamed = both and sum(known) == len(filled)
         if unnamed or (any(names) and sum(known) >= max(1, len(filled) / 2)):
             units = [
                 new if _is_unit(new) or (not old and _is_word(new)) else old
@@ -276,9 +273,7 @@ def _kinds(name: str) -> set[str]:
     return {kind for kind, fit in fits.items() if fit}
 
 
-def _choose_columns(
-    names: Sequence[str], units: Sequence[str], values: Array
-) -> dict[str, list[int]]:
+def _choose_columns(names: list[str], units: list[str], values: Array) -> dict[str, list[int]]:
     """Return the columns that may be time and force: by name or unit, else one of two columns."""
     every = range(values.shape[1])
     kinds = [_kinds(name) for name in names]

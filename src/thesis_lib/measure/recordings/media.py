@@ -374,10 +374,8 @@ def _retime_frames(source: Path, target: Path, rate: float) -> None:
 def _presentation_order(source: Path) -> tuple[IntArray, bool]:
     """Return the place of each packet among the frames shown, and whether it has a time stamp."""
     with open_media(source) as file:
-        packets = (
-            packet for packet in file.demux(media_info.video_track(file, source)) if packet.size
-        )
-        stamps = [np.nan if packet.pts is None else packet.pts for packet in packets]
+        film = media_info.video_track(file, source)
+        stamps = np.array([packet.pts for packet in file.demux(film) if packet.size], float)
         timed = file.format.name not in media_info.UNTIMED_FORMATS
     if timed and np.isfinite(stamps).all():
         return np.argsort(np.argsort(stamps)), True
@@ -394,10 +392,8 @@ def _copy(source: Path, target: Path, stamps: IntArray, unit: Fraction) -> None:
     ordered = np.sort(stamps)
     # A packet is decoded before it is shown, and packets are decoded in their order.
     decoded = ordered - int(np.max(ordered - stamps))
-    with (
-        open_media(source) as file,
-        av.open(media_info.file_address(target), "w", format="mov") as new,
-    ):
+    address = media_info.file_address(target)
+    with open_media(source) as file, av.open(address, "w") as new:
         stream = media_info.video_track(file, source)
         track = new.add_stream_from_template(stream)
         new.metadata["title"] = media_info.PACKED_FROM + source.name
