@@ -41,15 +41,12 @@ class AudioTrack:
 
     rate: float  #: Samples per second of the video's clock
     start: float  #: Time of the first sample after that of the first frame, s
-    #: The samples in −1…1, mixed to one channel, some tens of thousands at a time, shape
-    #: (samples,)
-    blocks: Iterator[Array]
+    blocks: Iterator[Array]  #: Samples in −1…1, mixed to one channel, shape (samples,)
     stated_rate: int  #: Samples per second that the file states
     samples: int  #: Number of samples
     level: float  #: Root mean square of the samples less their mean, of full scale
     clipped: int  #: Number of samples at full scale, in the channel that has the fewest
-    #: Which track and channels these are, if not all of the first one, and the pace of the time
-    #: stamps, if it is another than the file states; empty otherwise
+    #: Track, channels and pace, where these are not all of the first track at the stated rate
     source: str = ""
 
     @property

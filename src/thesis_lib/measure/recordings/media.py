@@ -229,9 +229,8 @@ def _read_levels(path: Path) -> NDArray[Any]:
             raise MediaError(f"{path}: HEIC needs pillow-heif: {advice}") from None
         except (ValueError, OSError, EOFError, SyntaxError):
             raise MediaError(f"{path}: not a readable image, or cut off") from None
-        if picture.ndim == 3:
-            four = picture.shape[2] == 4
-            picture = cv2.cvtColor(picture, cv2.COLOR_RGBA2GRAY if four else cv2.COLOR_RGB2GRAY)
+        if picture.ndim == 3:  # the fourth would be transparency
+            picture = cv2.cvtColor(np.ascontiguousarray(picture[..., :3]), cv2.COLOR_RGB2GRAY)
         return np.ascontiguousarray(picture, np.uint8)
     # OpenCV fills what is cut off of a PNG.
     whole = not data.startswith(b"\x89PNG") or b"IEND" in data[-12:]

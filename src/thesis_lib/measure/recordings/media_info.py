@@ -101,10 +101,9 @@ def _has_frames(path: Path, index: int) -> bool:
     """Return whether a track has two frames or more."""
     with open_media(path) as file:
         packets = (packet for packet in file.demux(file.streams[index]) if packet.size)
-        try:
+        with suppress(av.FFmpegError, OSError):
             return len(list(islice(packets, 2))) == 2
-        except (av.FFmpegError, OSError):
-            return False
+    return False
 
 
 def decode_frames(
@@ -216,22 +215,18 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
 
 def source_of_packed(path: Path) -> str | None:
     """Return the name of the film that ``thesis convert`` made a .mov of, None of another file."""
-    if path.suffix.lower() != ".mov":
-        return None
-    try:
-        with open_media(path) as file:
+    if path.suffix.lower() == ".mov":
+        with suppress(MediaError), open_media(path) as file:
             title = file.metadata.get("title", "")
-    except MediaError:
-        return None
-    return title.removeprefix(PACKED_FROM) if title.startswith(PACKED_FROM) else None
+            return title.removeprefix(PACKED_FROM) if title.startswith(PACKED_FROM) else None
+    return None
 
 
 def start_of_film(path: Path) -> float | None:
     """Return when the first frame of a file is shown, by its own clock, s; None without frames."""
-    try:
+    with suppress(MediaError):  # a sound file, a cover alone, or frames that cannot be decoded
         return probe_media(path).start
-    except MediaError:  # a sound file, a cover alone, or frames that cannot be decoded
-        return None
+    return None
 
 
 def _depth_of(path: Path) -> int:

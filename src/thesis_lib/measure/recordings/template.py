@@ -8,6 +8,7 @@ import shlex
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +61,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         raise ManifestError(f"{path}: is there already, allowed: a folder without one")
     videos, passed = _find_videos(folder)
     if not 2 <= len(videos) <= 16:
-        others = f" ({'; '.join(passed)})" if passed else ""
-        allowed = f"2 to 16{others}; to plan before recording: -p cameras=4"
+        allowed = "; ".join(["2 to 16", *passed, "to plan before recording: -p cameras=4"])
         raise ManifestError(f"{folder}: {len(videos)} videos, allowed: {allowed}")
     manifest = manifests.validate_manifest(_values(folder, videos, given), str(folder))
     slowed = any(is_slowed(probe_media(video)) for video in videos)
@@ -233,9 +233,7 @@ def _fields(part: BaseModel, path: str, indent: int, assumed: Sequence[str]) -> 
             yield f"{space}{name}: {text}  # {check}{describe_field(type(part), name)}"
 
 
-VIDEO_ENDINGS = frozenset(_LISTS["video_endings"])
-RAW_ENDINGS = frozenset(_LISTS["raw_endings"])
-OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | frozenset(_LISTS["other_endings"])
+OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | {*_LISTS["other_endings"]}
 MAX_NAME_CHARACTERS = 40  # characters of a camera's name
 _CHAPTER_PATTERN = re.compile(r"(?:G[HXLS]\d\d|GOPR|GP\d\d)(\d{4})", re.I)  # film's number
 
@@ -250,9 +248,9 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
         ending = file.suffix.lower()
         if is_hidden(file) or ending in OTHER_ENDINGS or not file.is_file():
             continue
-        if ending in RAW_ENDINGS:
+        if ending in _LISTS["raw_endings"]:
             lines.append(format_new("raw", name=file.name, path=shlex.quote(str(file))))
-        elif ending in VIDEO_ENDINGS or _is_film(file):
+        elif ending in _LISTS["video_endings"] or _is_film(file):
             videos.append(file)
         else:
             lines.append(format_new("no-video", name=file.name))
@@ -266,10 +264,9 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
 
 def _is_film(file: Path) -> bool:
     """Return whether a file is a video of two frames or more."""
-    try:
+    with suppress(MediaError):
         return len(media_info.frame_times(file)) > 1
-    except MediaError:
-        return False
+    return False
 
 
 def _check_names(folder: Path, videos: Sequence[Path]) -> None:
