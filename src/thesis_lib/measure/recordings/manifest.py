@@ -230,11 +230,8 @@ def _rename_fields(several: Iterable[Any], where: str) -> None:
 
 def write_manifest(manifest: Manifest, path: Path) -> None:
     """Write a manifest as YAML, whole or not at all."""
-    values = manifest.model_dump(mode="json")
-    text = yaml.dump(
-        values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None
-    )
-    whole_text(path, text)
+    how: Any = {"sort_keys": False, "allow_unicode": True, "default_flow_style": None}
+    whole_text(path, yaml.dump(manifest.model_dump(mode="json"), Dumper=_Dumper, **how))
 
 
 def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
@@ -293,10 +290,9 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         if exist and len(files) < 3:
             least = f"allowed: at least 3 of {', '.join(sorted(IMAGE_SUFFIXES))}"
             yield f"{where}: given {format_given(given)}, which is {len(files)} images, {least}"
-        found = (
-            [str(shot.relative_to(folder)) for shot in files] if isinstance(given, str) else given
-        )
-        named |= {f"{where}[{k}]": text for k, text in enumerate(found)}  # which may be links
+        if isinstance(given, str):
+            given = tuple(str(shot.relative_to(folder)) for shot in files)
+        named |= {f"{where}[{k}]": text for k, text in enumerate(given)}  # which may be links
     if manifest.force is not None:
         named["force.file"] = manifest.force.file  # or a video named
     videos: dict[Path, str] = {}
@@ -312,5 +308,5 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             if where.endswith(".video") and first != where:
                 yield f"{where}: given {format_given(text)}, the same as {first}"
     if exist and len(set(counts)) > 1:
-        given = ", ".join(map(str, counts))
-        yield f"cameras: given {given} board images, allowed: as many for every camera"
+        several = ", ".join(map(str, counts))
+        yield f"cameras: given {several} board images, allowed: as many for every camera"
