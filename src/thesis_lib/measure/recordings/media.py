@@ -40,8 +40,8 @@ RAW_FIELDS = (
     ("Image Height", "height"),
     ("Color Bit", "bit"),
     ("EffectiveBit Depth", "depth"),
+    ("EffectiveBit Side", "side"),  # "Lower" or "Higher" bits of sixteen
 )
-BIT_SIDE_FIELD = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
 RAW_BITS = 8, 12, 16  # of a pixel, that are read
 TIME_UNIT_S = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
 
@@ -304,18 +304,15 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
     except TextFileError as error:
         raise MediaError(f"{header}: {error}") from None
     xml = header.suffix == ".cihx"
-
-    def entry(names: tuple[str, str]) -> tuple[str, str]:
-        name = names[xml]
-        plain = re.escape(name)
-        pattern = rf"<{plain}>([^<]+)</{plain}>" if xml else rf"^{plain} : (.+?)\r?$"
-        match = re.search(pattern, text, re.MULTILINE)
-        if match is None:
+    pattern = r"<(\w+)>([^<]+)</\1>" if xml else r"^(.+?) : (.+?)\r?$"
+    said = dict(reversed(re.findall(pattern, text, re.MULTILINE)))  # the first of each counts
+    names = [pair[xml] for pair in RAW_FIELDS]
+    for name in names:
+        if name not in said:
             raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
-        return name, match[1].strip()
-
+    *texts, side = (said[name].strip() for name in names)
     numbers = []
-    for name, given in map(entry, RAW_FIELDS):
+    for name, given in zip(names, texts, strict=False):
         number = math.nan
         with contextlib.suppress(ValueError):
             number = float(given)
@@ -325,7 +322,6 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
         numbers.append(number)
     rate, *whole = numbers
     count, width, height, bits, depth = map(int, whole)
-    _, side = entry(BIT_SIDE_FIELD)
     if bits not in RAW_BITS or depth > bits or side not in ("Lower", "Higher"):
         given = f"{bits} bits for a pixel, {depth} of them used, side {format_given(side)}"
         raise MediaError(f"{header}: {given}, allowed: {[*RAW_BITS]}, grey; Lower or Higher")
