@@ -232,17 +232,15 @@ def start_of_film(path: Path) -> float | None:
 def _depth_of(path: Path) -> int:
     """Return how many of 16 bits the grey levels of a film use, from frames all over it."""
     brightest = 0
-    with open_media(path) as file:
+    unread = MediaError, av.FFmpegError, OSError  # which is reported when the frames are read
+    with open_media(path) as file, suppress(*unread):
         stream = video_track(file, path)
         span = file.duration or 0  # in FFmpeg's unit, as seek takes it
         for place in range(SAMPLED_PLACES if span else 1):
-            try:
-                if place:
-                    file.seek((file.start_time or 0) + place * span // SAMPLED_PLACES)
-                for frame in islice(decode_frames(file, stream, path), SAMPLED_FRAMES):
-                    brightest = max(brightest, int(frame.to_ndarray(format="gray16le").max()))
-            except (MediaError, av.FFmpegError, OSError):
-                break  # reported when the frames are read
+            if place:
+                file.seek((file.start_time or 0) + place * span // SAMPLED_PLACES)
+            for frame in islice(decode_frames(file, stream, path), SAMPLED_FRAMES):
+                brightest = max(brightest, int(frame.to_ndarray(format="gray16le").max()))
     return depth_for(brightest)
 
 
