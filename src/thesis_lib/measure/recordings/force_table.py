@@ -36,9 +36,7 @@ SI_UNITS: dict[str, dict[str, float]] = {
 }
 SI_NAMES = {"time": "s", "force": "N"}
 OTHER_UNITS = frozenset(_WORDS["other_units"])
-TIME_NAMES = frozenset(_WORDS["time_names"])
-FORCE_NAMES = frozenset(_WORDS["force_names"])
-INDEX_NAMES = frozenset(_WORDS["index_names"])
+NAMES = {kind: frozenset(_WORDS[f"{kind}_names"]) for kind in ("time", "force", "index")}
 
 
 class ForceError(ValueError):
@@ -266,9 +264,9 @@ def _kinds(name: str) -> set[str]:
     low = re.sub(r"[\s_]+", " ", name.lower()).strip()
     words = {low, *re.split(r"[ .:;/\\-]", low)}
     fits = {
-        "time": words & TIME_NAMES or low.startswith(("time", "zeit")),
-        "force": words & (FORCE_NAMES - {"f"}) or low == "f" or "kraft" in low or "force" in low,
-        "index": low in INDEX_NAMES or low.startswith("unnamed"),
+        "time": words & NAMES["time"] or low.startswith(("time", "zeit")),
+        "force": words & NAMES["force"] - {"f"} or low == "f" or "kraft" in low or "force" in low,
+        "index": low in NAMES["index"] or low.startswith("unnamed"),
     }
     return {kind for kind, fit in fits.items() if fit}
 

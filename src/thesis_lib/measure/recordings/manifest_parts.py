@@ -61,13 +61,12 @@ class StructureSpec(Fields):
             refuse_value("markers.rows", self.markers.rows, "allowed on a plate: at least 2")
         size, radius = np.array([[self.length_mm], [self.width_mm]]), self.markers.diameter_mm / 2
         points, hole = 1000 * self.marker_points, self.markers.hole_mm
-        name = "markers.points_mm" if self.markers.points_mm else "markers"
         given = self.markers.model_dump(mode="json", exclude={"hole_mm"})
         if np.any(points < radius - 1e-9) or np.any(points > size - radius + 1e-9):
-            refuse_value(name, given, "allowed: markers that lie on the structure")
+            refuse_value("markers", given, "allowed: markers that lie on the structure")
         apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=0)
         if np.any(apart[np.triu_indices(points.shape[1], 1)] < 2 * radius):
-            refuse_value(name, given, "allowed: markers that do not overlap")
+            refuse_value("markers", given, "allowed: markers that do not overlap")
         if hole is not None:
             place = np.array(hole)[:, None]
             near = np.linalg.norm(points - place, axis=0).min() < 2 * radius
@@ -142,10 +141,7 @@ class Behaviour:
 EXCITATION_KINDS: dict[Kind, Behaviour] = {
     "sine": Behaviour("shape", "Deflection", has_one_frequency=True),
     "multisine": Behaviour(
-        "modes",
-        "Tones",
-        assumption="Each tone is steady. Its shape is that of the motion, which may hold several "
-        "modes.",
+        "modes", "Tones", assumption="Each tone is steady. Its shape may hold several modes."
     ),
     "free_decay": Behaviour(
         "modes",

@@ -278,11 +278,29 @@ def frame_clock(path: Path) -> Array:
     """Return when frames were taken after the first, (frames,), s, by the video's clock.
 
     Time stamps that agree with the rate which the file states, to within their rounding, are those
-    of a constant rate; others count as they stand. A :class:`MediaError` is raised as by
-    :func:`frame_times`, or if two frames have one time.
+    of a constant rate; others count as they stand. Nothing but the first frame is decoded. A
+    :class:`MediaError` is raised if there are no time stamps, or if two frames have one time.
     """
-    times = frame_times(path)
-    even = np.arange(len(times)) / probe_media(path).frame_rate
+    info = probe_media(path)
+    with open_media(path) as file:
+        stream, untimed = video_track(file, path), file.format.name in UNTIMED_FORMATS
+        found: list[float] = []
+        try:
+            for packet in file.demux(stream):
+                if packet.size and not packet.is_discard:
+                    stamp = packet.dts if untimed or packet.pts is None else packet.pts
+                    if stamp is None or packet.time_base is None:
+                        advice = f"thesis convert {shlex.quote(str(path))} --rate-hz RATE"
+                        raise MediaError(f"{path}: its frames have no time stamps; {advice}")
+                    found.append(float(stamp * packet.time_base))
+        except (av.FFmpegError, OSError):
+            raise MediaError(f"{path}: damaged after frame {len(found)}") from None
+    times = np.sort(found)
+    times = times[times > (-np.inf if untimed else info.start) - 1e-6]  # else not decoded
+    if not len(times):
+        raise MediaError(f"{path}: no frames")
+    times = np.asarray(times - times[0])
+    even = np.arange(len(times)) / info.frame_rate
     if np.abs(times - even).max() <= MAX_TIMESTAMP_ROUNDING_S:
         return even
     slope, offset = np.polyfit(np.arange(len(times)), times, 1)
@@ -292,32 +310,6 @@ def frame_clock(path: Path) -> Array:
     for k in np.flatnonzero(np.diff(times) <= 0):
         raise MediaError(f"{path}: frames {k} and {k + 1} have the same time stamp")
     return times
-
-
-def frame_times(path: Path) -> Array:
-    """Return presentation times of all frames after the first, shape (frames,), s; decodes nothing.
-
-    Matroska rounds them to 1 ms. A :class:`MediaError` is raised if there are none.
-    """
-    with open_media(path) as file:
-        stream, untimed = video_track(file, path), file.format.name in UNTIMED_FORMATS
-        times: list[float] = []
-        try:
-            for packet in file.demux(stream):
-                if packet.size and not packet.is_discard:
-                    stamp = packet.dts if untimed or packet.pts is None else packet.pts
-                    if stamp is None or packet.time_base is None:
-                        advice = f"thesis convert {shlex.quote(str(path))} --rate-hz RATE"
-                        raise MediaError(f"{path}: its frames have no time stamps; {advice}")
-                    times.append(float(stamp * packet.time_base))
-        except (av.FFmpegError, OSError):
-            raise MediaError(f"{path}: damaged after frame {len(times)}") from None
-    start = -np.inf if untimed else probe_media(path).start
-    ordered = np.sort(times)
-    ordered = ordered[ordered > start - 1e-6]  # those before cannot be decoded
-    if not len(ordered):
-        raise MediaError(f"{path}: no frames")
-    return np.asarray(ordered - ordered[0])
 
 
 def rate_of(clock: Array, nominal: float) -> float:

@@ -265,7 +265,7 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
 def _is_film(file: Path) -> bool:
     """Return whether a file is a video of two frames or more."""
     with suppress(MediaError):
-        return len(media_info.frame_times(file)) > 1
+        return len(media_info.frame_clock(file)) > 1
     return False
 
 
