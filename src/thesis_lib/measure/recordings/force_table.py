@@ -35,7 +35,6 @@ SI_UNITS: dict[str, dict[str, float]] = {
     for kind, table in _WORDS["units"].items()
 }
 SI_NAMES = {"time": "s", "force": "N"}
-OTHER_UNITS = frozenset(_WORDS["other_units"])
 NAMES = {kind: frozenset(_WORDS[f"{kind}_names"]) for kind in ("time", "force", "index")}
 
 
@@ -244,7 +243,7 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
 
 
 def _is_unit(text: str) -> bool:
-    return any(text.lower() in table for table in (*SI_UNITS.values(), OTHER_UNITS))
+    return any(text.lower() in table for table in (*SI_UNITS.values(), _WORDS["other_units"]))
 
 
 def _split(cell: str) -> tuple[str, str]:

@@ -42,7 +42,6 @@ RAW_FIELDS = (
     ("EffectiveBit Depth", "depth"),
     ("EffectiveBit Side", "side"),  # "Lower" or "Higher" bits of sixteen
 )
-RAW_BITS = 8, 12, 16  # of a pixel, that are read
 TIME_UNIT_S = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
 
 
@@ -322,9 +321,9 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
         numbers.append(number)
     rate, *whole = numbers
     count, width, height, bits, depth = map(int, whole)
-    if bits not in RAW_BITS or depth > bits or side not in ("Lower", "Higher"):
+    if bits not in (8, 12, 16) or depth > bits or side not in ("Lower", "Higher"):
         given = f"{bits} bits for a pixel, {depth} of them used, side {format_given(side)}"
-        raise MediaError(f"{header}: {given}, allowed: {[*RAW_BITS]}, grey; Lower or Higher")
+        raise MediaError(f"{header}: {given}, allowed: 8, 12 or 16, grey; Lower or Higher")
     raw, size = header.with_suffix(".mraw"), height * width * bits // 8
     if not raw.is_file() or raw.stat().st_size < count * size:
         raise MediaError(f"{raw}: not there, or shorter than the {count} frames of {header}")

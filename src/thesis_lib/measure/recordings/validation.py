@@ -240,13 +240,7 @@ def find_repeats(steps: Array, across: Array) -> IntArray:
 
 
 def describe_repeats(name: str, repeats: IntArray) -> str:
-    """Return what to say of frames that repeat, empty if none do.
-
-    Examples
-    --------
-    >>> describe_repeats("A", np.arange(4, 100, 5))
-    '21% of the frames of camera A repeat the one before.'
-    """
+    """Return what to say of frames that repeat, empty if none do."""
     if not len(repeats):
         return ""
     share = len(repeats) / (repeats[-1] - repeats[0] + 1)
