@@ -375,7 +375,8 @@ class Radiation(Fields):
             self._refuse("outline_mm", f"{least}: fewer do not tell how the surface moves")
         if isinstance(self.outline_mm, tuple):
             if not (3 <= len(self.outline_mm) <= 200 and polygons.is_simple(self.outline_mm)):
-                self._refuse("outline_mm", "allowed: 3 to 200 corners, edges that do not cross")
+                why = "allowed: 3 to 200 corners [x, y] whose edges do not cross"
+                self._refuse("outline_mm", why)
             near_edge = polygons.edge_distances(corners, markers).min(axis=0) < 1e-9
             on = polygons.polygon_contains(corners, markers) | near_edge
             if not on.all():
@@ -385,7 +386,7 @@ class Radiation(Fields):
         if self.edges != "by kind" and len(self.edges) != len(corners):
             self._refuse("edges", f'allowed: "by kind", or {len(corners)} of "free" and "held"')
         if self.between == "model" and (structure.kind == "flat" or self.outline_mm != "structure"):
-            self._refuse("between", 'allowed: null or "spline": this outline has no model')
+            self._refuse("between", 'allowed: null or "spline", no model of this outline')
         if self.plane_top_mm is not None and self.plane_top_mm <= self.plane_bottom_mm:
             self._refuse("plane_top_mm", "allowed: null, or a number above plane_bottom_mm, in mm")
 
