@@ -102,10 +102,10 @@ SOUND, NONE = click(1.0, 0.4), np.zeros(48000)
     ("tracks", "layout", "words"),
     [
         ([np.stack([SOUND, SOUND])], "stereo", ""),
-        ([np.stack([NONE, SOUND])], "stereo", "channel 2 of 2, since the other holds no sound"),
-        ([np.stack([SOUND, -SOUND])], "stereo", "channels cancel when mixed"),
-        ([np.stack([NONE, NONE, SOUND, NONE, NONE, NONE])], "5.1", "channel 3 of 6, since"),
-        ([NONE, SOUND], "mono", "track 2 of 2, since those before it hold no sound"),
+        ([np.stack([NONE, SOUND])], "stereo", "channel 2 of 2"),
+        ([np.stack([SOUND, -SOUND])], "stereo", "channel 1 of 2"),
+        ([np.stack([NONE, NONE, SOUND, NONE, NONE, NONE])], "5.1", "channel 3 of 6"),
+        ([NONE, SOUND], "mono", "track 2 of 2"),
     ],
 )
 def test_the_track_and_channel_that_hold_the_sound_are_used(
@@ -186,4 +186,4 @@ def test_the_command_takes_sounds_and_says_what_it_used(tmp_path):
     done = thesis("sync", one, other, "--out", tmp_path / "sync")
     assert (done.status, done.err) == (0, "")
     assert re.match(r"other starts \+0\.(50000|49999)\d+ ± 0\.0{6}\d\d s after one", done.out)
-    assert "other's sound: channel 2 of 2, since the other holds no sound" in done.out
+    assert "other's sound: channel 2 of 2" in done.out

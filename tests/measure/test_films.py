@@ -69,7 +69,6 @@ def test_a_still_beside_the_film_is_not_the_film(tmp_path, plain, marked):
     copy_tracks([still, plain], path, still=marked)
     assert len(places(path)) == COUNT
     assert probe_media(path).frame_rate == RATE
-    assert "number 2" in probe_media(path).remarks[0]
 
 
 @pytest.mark.parametrize(("name", "codec"), [("a.avi", "mpeg4"), ("a.ts", "libx264")])
@@ -88,8 +87,6 @@ def test_frames_before_the_first_that_can_be_decoded_are_none(tmp_path, share):
     found = places(path)
     assert 10 < len(found) < 60
     assert np.all(np.diff(found) % (WIDTH - 8) == 2)
-    assert any("cut before a key frame" in line for line in probe_media(path).remarks)
-    assert not probe_media(whole).remarks
 
 
 @pytest.mark.parametrize("depth", [8, 12, 16])
@@ -100,8 +97,6 @@ def test_fewer_than_sixteen_bits_in_sixteen_fill_the_grey_levels(tmp_path, depth
     path = film(tmp_path / "deep.mkv", "gray16le", "ffv1", make=make)
     wanted = [make(k) >> depth - 8 for k in range(COUNT)]
     assert np.abs(np.array(list(read_frames(path)), int) - wanted).max() <= depth // 16
-    said = [f"of {depth} bits in 16" in line for line in probe_media(path).remarks]
-    assert said == [True] * (depth < 16)
 
 
 def test_the_rate_of_the_sensor_is_read_where_a_film_says_it(tmp_path, plain):
@@ -114,22 +109,13 @@ def test_the_rate_of_the_sensor_is_read_where_a_film_says_it(tmp_path, plain):
     assert probe_media(plain).captured_hz is None
 
 
-SOURCES = {  # name, codec, whether packets are copied
-    "slow.mp4": ("libx264", True),
-    "stream.h264": ("libx264", True),
-    "a.webm": ("libvpx", False),
-}
-
-
-@pytest.mark.parametrize(("name", "how"), SOURCES.items(), ids=SOURCES)
-def test_a_film_is_given_its_true_rate(tmp_path, name, how):
-    codec, copied = how
-    source, target = film(tmp_path / name, codec=codec), tmp_path / "true.mov"
+@pytest.mark.parametrize("name", ["slow.mp4", "stream.h264"])
+def test_a_film_is_given_its_true_rate(tmp_path, name):
+    source, target = film(tmp_path / name), tmp_path / "true.mov"
     before = source.read_bytes()
     assert pack_frames(source, target, 240) == (COUNT, (WIDTH, HEIGHT))
     assert source.read_bytes() == before
     np.testing.assert_allclose(frame_clock(target), np.arange(COUNT) / 240, atol=1e-9)
-    assert probe_media(target).codec == (probe_media(source).codec if copied else "h264")
     assert places(target, 240) == [2 * k % (WIDTH - 8) for k in range(COUNT)]
     with pytest.raises(MediaError, match="the source itself"):
         pack_frames(target, target, 240)
@@ -137,30 +123,30 @@ def test_a_film_is_given_its_true_rate(tmp_path, name, how):
         pack_frames(source, target)
 
 
-@pytest.mark.parametrize("codec", ["libx264", "ffv1"])
-def test_frames_that_come_unevenly_stay_so_at_another_rate(tmp_path, codec):
+def test_frames_that_come_unevenly_stay_so_at_another_rate(tmp_path):
     source, times = tmp_path / "uneven.mkv", np.cumsum([0, 3, 4, 3, 5, 3, 4, 4, 3, 4]) / 100
     stamps = np.rint(1000 * times).astype(int).tolist()
-    write_film(source, frames=[image(k) for k in range(10)], frame_rate=1000, pictures=codec,
+    write_film(source, frames=[image(k) for k in range(10)], frame_rate=1000, pictures="libx264",
                pix_fmt="gray", times=stamps)  # fmt: skip
-    if codec == "ffv1":
-        with pytest.raises(MediaError, match="captured_hz: 20"):
-            pack_frames(source, tmp_path / "fast.mov", 20)
-        return
     pack_frames(source, tmp_path / "fast.mov", 20)
     clock = frame_clock(tmp_path / "fast.mov")
     np.testing.assert_allclose(clock, times / times[-1] * 9 / 20, atol=2e-5)
 
 
+def test_a_film_that_cannot_be_copied_is_used_as_it_is(tmp_path):
+    source = film(tmp_path / "a.webm", codec="libvpx")
+    with pytest.raises(MediaError, match="captured_hz: 20"):
+        pack_frames(source, tmp_path / "fast.mov", 20)
+
+
 def test_pictures_of_twelve_bits_are_packed_in_full(tmp_path):
-    folder, said = tmp_path / "deep", []
+    folder = tmp_path / "deep"
     folder.mkdir()
     for k in range(5):
         levels = image(k, (10, 20, 15) if k < 2 else (40, 220, 150)).astype(np.uint16) << 4
         cv2.imwrite(str(folder / f"{k}.tif"), levels)
     (folder / "._0.tif").write_bytes(b"macOS")
-    pack_frames(folder, tmp_path / "deep.mov", 30, said.append)
+    pack_frames(folder, tmp_path / "deep.mov", 30)
     frames = list(read_frames(tmp_path / "deep.mov"))
     assert (frames[0].max(), frames[4].min(), frames[4].max()) == (20, 40, 220)
     assert len(frames) == 5
-    assert "12 bits" in said[0]

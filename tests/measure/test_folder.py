@@ -67,7 +67,7 @@ def test_other_endings_are_read_or_named_and_hidden_files_are_none(tmp_path, vid
 @pytest.mark.parametrize(
     ("names", "words"),
     [
-        (["gps.mov", "gps.MP4"], "gps.MP4 and gps.mov have one name"),
+        (["gps.mov", "gps.MP4"], "gps.MP4, gps.mov have one name"),
         (["GX010034.MP4", "GX020034.MP4", "GX010035.MP4"], "GX010034.MP4, GX020034.MP4 are chap"),
         (["a\tb.mov", "b.mov"], "characters that can be seen"),
     ],

@@ -12,8 +12,8 @@ from thesis_lib.measure.report.warnings import note_pace
 
 KINDS = {  # which frame is stored at k, and what is said
     "as they are": (lambda k: k, ""),
-    "25 as 30": (lambda k: k - k // 6 - (k % 6 == 5), "every 6th frame of camera A repeats"),
-    "15 as 60": (lambda k: k - k % 4, "every frame of camera A is stored 4 times"),
+    "25 as 30": (lambda k: k - k // 6 - (k % 6 == 5), "1.% of the frames of camera A"),
+    "15 as 60": (lambda k: k - k % 4, "7.% of the frames of camera A"),
     "25 as 60": (lambda k: int(25 * k / 60) * 2, "5.% of the frames of camera A"),
 }
 

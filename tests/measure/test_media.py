@@ -92,7 +92,7 @@ def test_lossless_frames_and_sound_come_back_exactly(conforms, video):
     assert (rate, start) == (RATE, 0)
     conforms.invariance(samples, sound(), atol=0)
     info = probe_media(video)
-    assert (info.size, info.frame_rate, info.frames, info.codec) == (SIZE, 60, 30, "ffv1")
+    assert (info.size, info.frame_rate, info.frames) == (SIZE, 60, 30)
     assert info.duration == pytest.approx(0.5)
 
 
@@ -145,15 +145,6 @@ def test_stereo_sound_is_mixed_and_starts_when_it_starts(conforms, tmp_path):
     mono, rate, start = read_audio(path)
     assert (rate, start) == (RATE, 0.1)
     conforms.closed_form(mono, samples.mean(axis=0), atol=2**-15)
-
-
-def test_padding_of_aac_is_dropped(conforms, tmp_path):
-    tone = 0.5 * np.sin(2 * np.pi * 40 * np.arange(RATE // 2) / RATE)
-    stereo = [np.stack([tone, tone])]
-    path = foreign(tmp_path / "A.mp4", blurred(), "yuv420p", stereo, pictures="libx264")
-    mono, _, start = read_audio(path)
-    conforms.closed_form(abs(start), below=1e-3)
-    conforms.closed_form(mono[2000:20000], tone[2000:20000], atol=0.02)
 
 
 # Broken files.
@@ -228,18 +219,6 @@ def test_a_track_that_is_missing_is_said(tmp_path):
 def test_what_cannot_be_written_leaves_no_file(tmp_path, frames, audio, words):
     refused(lambda: write_video(tmp_path / "A.mkv", frames, 60, audio), "A.mkv", words)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_interrupted_recording_leaves_the_old_file(tmp_path, video):
-    def frames():
-        yield from noise(5)
-        raise KeyboardInterrupt
-
-    path = tmp_path / "A.mkv"
-    path.write_bytes(b"old")
-    with pytest.raises(KeyboardInterrupt):
-        write_video(path, frames(), 60, sound())
-    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("A.mkv", b"old")]
 
 
 # Images.

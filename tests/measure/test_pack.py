@@ -103,7 +103,7 @@ def test_a_wrong_header_is_refused_by_its_field_in_one_line(tmp_path, old, new, 
 
 def test_a_folder_without_pictures_or_rate_is_refused(tmp_path):
     for what, said in [("", "no image in it"), ("none", "allowed: a folder of images")]:
-        done = thesis("convert", tmp_path / what, tmp_path / "o.mov")
+        done = thesis("convert", tmp_path / what, tmp_path / "o.mov", "--rate-hz", "5")
         assert (done.status, said in done.err) == (2, True)
     write_png(tmp_path / "a.png", EIGHT[0])
     for words, said in [(["o.mov"], "give --rate-hz"), (["o.mp4", "--rate-hz", "5"], ".mov")]:

@@ -232,7 +232,7 @@ def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     with name_place(target):
         check_outputs(target.parent, [target])
         try:
-            count, (width, height) = pack_frames(source, target, rate_hz, echo)
+            count, (width, height) = pack_frames(source, target, rate_hz)
         except MediaError as error:
             raise RefusedError(str(error)) from None
     echo(f"{target}: {count} frames of {width} × {height} px")

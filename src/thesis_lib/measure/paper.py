@@ -1,6 +1,5 @@
 """Pages of a PDF in true scale: the board, markers, and places of cameras, with a ruler."""
 
-import io
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise, product
@@ -48,28 +47,28 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
     """
     check_file(path, ".pdf")
     width, height = sorted(PAGE_SIZES_MM[paper], reverse=lying)
-    made = io.BytesIO()
-    with PdfPages(made, metadata={"CreationDate": None, "Creator": "thesis_lib"}) as file:
-        for draw, words in pages:
-            figure = Figure(figsize=(width / MM_PER_INCH, height / MM_PER_INCH))
-            axes = figure.add_axes((0, 0, 1, 1))
-            axes.set(
-                xlim=(-BORDER_MM, width - BORDER_MM),
-                ylim=(-BORDER_MM - STRIP_MM, height - BORDER_MM - STRIP_MM),
-            )
-            axes.set_axis_off()
-            draw(axes)
-            foot = -STRIP_MM + 4
-            ticks = [
-                _rectangle_vertices(RULER_MM / 10 * k - 0.125, foot, 0.25, 2.5 if k % 10 else 4.0)
-                for k in range(11)
-            ]
-            _draw_polygons(axes, [_rectangle_vertices(0, foot, RULER_MM, 0.25), *ticks])
-            advice = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
-            axes.text(0, foot - 3.2, advice, size=6.5)
-            axes.text(RULER_MM + 6, foot, words, size=6.5, va="bottom", wrap=False)
-            file.savefig(figure)
-    whole_file(path, lambda part: part.write_bytes(made.getvalue()))
+    foot = 4 - STRIP_MM
+    ruler = [_rectangle_vertices(0, foot, RULER_MM, 0.25)]
+    for k in range(11):
+        tick_mm = 2.5 if k % 10 else 4.0
+        ruler.append(_rectangle_vertices(RULER_MM / 10 * k - 0.125, foot, 0.25, tick_mm))
+
+    def write_part(part: Path) -> None:
+        with PdfPages(part, metadata={"CreationDate": None, "Creator": "thesis_lib"}) as file:
+            for draw, words in pages:
+                figure = Figure(figsize=(width / MM_PER_INCH, height / MM_PER_INCH))
+                axes = figure.add_axes((0, 0, 1, 1))
+                axes.set_xlim(-BORDER_MM, width - BORDER_MM)
+                axes.set_ylim(-BORDER_MM - STRIP_MM, height - BORDER_MM - STRIP_MM)
+                axes.set_axis_off()
+                draw(axes)
+                _draw_polygons(axes, ruler)
+                advice = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
+                axes.text(0, foot - 3.2, advice, size=6.5)
+                axes.text(RULER_MM + 6, foot, words, size=6.5, va="bottom", wrap=False)
+                file.savefig(figure)
+
+    whole_file(path, write_part)
 
 
 def _draw_polygons(axes: Axes, vertices: ArrayLike) -> None:
@@ -78,15 +77,12 @@ def _draw_polygons(axes: Axes, vertices: ArrayLike) -> None:
     axes.add_collection(PolyCollection(polygons, fc="black", ec="none"), autolim=False)
 
 
-def _rectangle_vertices(
-    x: float, y: float, width: float, height: float
-) -> list[tuple[float, float]]:
-    """Return the vertices of a rectangle with its lower left corner at x, y."""
-    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+def _rectangle_vertices(x: float, y: float, width: float, height: float) -> Array:
+    """Return the vertices (4, 2) of a rectangle with its lower left corner at x, y."""
+    return np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
 
 
 BITS_PER_MARK = 7  # along a mark with its black frame
-DICTIONARY_MARKS = 1000  # that the dictionary has
 
 
 def write_board(
@@ -112,57 +108,35 @@ def write_board(
     Raises
     ------
     RefusedError
-        If the board with a white margin of half a tile does not fit the paper, or has more marks
-        than the dictionary, or marks on both sides.
+        If the board with a white margin of half a tile does not fit the paper, or has marks on both
+        sides.
     """
     if charuco and two_sided:
-        raise RefusedError(
-            "--two-sided: given with --charuco, allowed: for a checkerboard, as no program reads "
-            "marks that are mirrored"
-        )
-    if charuco and columns * rows // 2 > DICTIONARY_MARKS:
-        raise RefusedError(
-            f"--columns, --rows: given {columns} × {rows} tiles, allowed with --charuco: at most "
-            f"{2 * DICTIONARY_MARKS + 1}, {MARK_DICTIONARY} has no more marks"
-        )
+        raise RefusedError("--two-sided: given with --charuco, allowed: for a checkerboard")
     landscape = columns >= rows
     wide, high = _drawable_mm(paper, landscape)
-    largest_mm = {  # of a tile, with half of one all around
-        name: min(np.divide(_drawable_mm(name, landscape), (columns + 1, rows + 1)))
-        for name in PAGE_SIZES_MM
-    }
-    if tile_mm > largest_mm[paper] + 1e-9:
-        fits = (
-            f", or --paper {name}" for name, most in largest_mm.items() if tile_mm <= most + 1e-9
-        )
-        raise RefusedError(
-            f"--tile-mm: given {tile_mm:g}, allowed: at most {format_limit(largest_mm[paper])} for "
-            f"{columns} × {rows} tiles on {paper}{next(fits, '')}"
-        )
+    largest_mm = min(wide / (columns + 1), high / (rows + 1))  # with half a tile all around
+    if tile_mm > largest_mm + 1e-9:
+        most = f"at most {format_limit(largest_mm)} for {columns} × {rows} tiles on {paper}"
+        raise RefusedError(f"--tile-mm: given {tile_mm:g}, allowed: {most}")
     margin = min(wide - columns * tile_mm, high - rows * tile_mm) / 2
     board = Board(columns, rows, tile_mm / 1000, margin / 1000)
     left, low = (wide - columns * tile_mm) / 2, (high - rows * tile_mm) / 2
     dark = 1000 * board.dark_tiles + [columns * tile_mm / 2, rows * tile_mm / 2]
-    kind = "kind: charuco, " if charuco else ""
-    said = (
-        f"in the manifest: board: {{{kind}columns: {columns}, rows: {rows}, tile_mm: {tile_mm:g}, "
-        f"margin_mm: {np.floor(margin):g}, two_sided: {str(two_sided).lower()}}}"
-    )
+    said = f"{'kind: charuco, ' * charuco}columns: {columns}, rows: {rows}, tile_mm: {tile_mm:g}"
+    said += f", margin_mm: {np.floor(margin):g}, two_sided: {str(two_sided).lower()}"
+    said = f"in the manifest: board: {{{said}}}"
     if charuco:
         dark = dark * [1, -1] + [0, rows * tile_mm]  # OpenCV begins with a dark tile at the top
         dark = np.concatenate([dark[:, ::-1], _marks(columns, rows, tile_mm)])
-        said += (
-            f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {tile_mm:g}, "
-            f"{MARK_RATIO * tile_mm:g}, {MARK_DICTIONARY})"
-        )
+        sides_mm = f"{tile_mm:g}, {MARK_RATIO * tile_mm:g}"
+        said += f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {sides_mm}, {MARK_DICTIONARY})"
     dark = dark + [left, low]
-    sides = {"": dark}
+    pages = [(partial(_draw_polygons, vertices=dark), "front: " * two_sided + said)]
     if two_sided:
-        sides = {"front: ": dark, "back: ": (dark * [-1, 1] + [wide, 0])[:, ::-1]}
-    drawn = [
-        (partial(_draw_polygons, vertices=tiles), side + said) for side, tiles in sides.items()
-    ]
-    _write_pages(path, paper, landscape, drawn)
+        back = (dark * [-1, 1] + [wide, 0])[:, ::-1]
+        pages.append((partial(_draw_polygons, vertices=back), f"back: {said}"))
+    _write_pages(path, paper, landscape, pages)
     return said
 
 
@@ -207,27 +181,21 @@ def write_markers(
     across = row_spacing_mm or spacing_mm
     least = min(spacing_mm, across)  # of one row, too: corner marks stand half of it beyond
     if diameter_mm >= least:
-        raise RefusedError(
-            f"--diameter-mm: given {diameter_mm:g}, allowed: below {least:g}, the spacing "
-            f"({spacing_mm:g} mm × {across:g} mm)"
-        )
+        allowed = f"below {least:g}, the least spacing"
+        raise RefusedError(f"--diameter-mm: given {diameter_mm:g}, allowed: {allowed}")
     wide, high = _drawable_mm(paper, landscape=True)
     per = int(wide // spacing_mm), int(high // across)
     if not all(per):
-        raise RefusedError(
-            f"--spacing-mm: given {spacing_mm:g} and {across:g}, allowed: at most {wide:g} and "
-            f"{high:g} on {paper}"
-        )
+        most = f"at most {wide:g} and {high:g} on {paper}"
+        raise RefusedError(f"--spacing-mm: given {spacing_mm:g} and {across:g}, allowed: {most}")
 
     def draw(axes: Axes, nx: int, ny: int) -> None:
-        width, height = nx * spacing_mm, ny * across
+        width, height, colour = nx * spacing_mm, ny * across, "white" if bright else "black"
         if bright:
             _draw_polygons(axes, [_rectangle_vertices(0, 0, width, height)])
         for row, column in np.ndindex(ny, nx):
             centre = (column + 0.5) * spacing_mm, (row + 0.5) * across
-            axes.add_patch(
-                Circle(centre, diameter_mm / 2, fc="white" if bright else "black", ec="none")
-            )
+            axes.add_patch(Circle(centre, diameter_mm / 2, fc=colour, ec="none"))
         for x, side in ((0.0, -4), (width, 4)):  # corner marks, outside of what is used
             for y, up in ((0.0, -4), (height, 4)):
                 axes.plot([x, x + side], [y, y], "k-", linewidth=0.3, clip_on=False)
@@ -237,10 +205,8 @@ def write_markers(
     for low in range(0, rows, per[1]):
         for left in range(0, columns, per[0]):
             nx, ny = min(per[0], columns - left), min(per[1], rows - low)
-            words = (
-                f"columns {left + 1} to {left + nx}, rows {low + 1} to {low + ny}: diameter "
-                f"{diameter_mm:g} mm, {spacing_mm:g} mm × {across:g} mm apart"
-            )
+            words = f"columns {left + 1} to {left + nx}, rows {low + 1} to {low + ny}: diameter "
+            words += f"{diameter_mm:g} mm, {spacing_mm:g} mm × {across:g} mm apart"
             pages.append((partial(draw, nx=nx, ny=ny), words))
     _write_pages(path, paper, True, pages)
     return len(pages)
@@ -293,11 +259,9 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
             colour, tilt = cycle_color(k), np.radians(elevation)
             axes.plot(*np.transpose([centre, polar_point(turn, radius)]), color=colour, lw=1.2)
             axes.text(*polar_point(turn, 0.8 * radius), name, size=10, color=colour)
-            lines.append(
-                f"{name}: azimuth {turn:g}°, elevation {elevation:g}°; "
-                f"{distance * np.cos(tilt):.0f} mm along its ray, {distance * np.sin(tilt):.0f} mm "
-                f"above the structure; {distance:g} mm from its centre"
-            )
+            along, up = f"{distance * np.cos(tilt):.0f} mm", f"{distance * np.sin(tilt):.0f} mm"
+            at = f"azimuth {turn:g}°, elevation {elevation:g}°; {along} along its ray"
+            lines.append(f"{name}: {at}, {up} above the structure; {distance:g} mm from its centre")
         top = high - 2 * radius - 24
         step = min(6.0, top / (len(lines) - 1))  # mm, so that the last line is above the strip
         for k, line in enumerate(lines):

@@ -75,9 +75,6 @@ def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Re
     filmed = manifest.model_copy(update={"cameras": filmed_cameras})
     # The sound comes first: it may refuse more of the manifest.
     sound = measuring.read_sound(filmed, folder, steps, say)
-    for camera in manifest.cameras:
-        for line in media_info.probe_media(folder / camera.video).remarks:
-            say(line)
     calibration = _calibrate(manifest, folder, steps, given, say)
     recordings = measuring.track_markers(filmed, folder, steps, calibration, sound, clocks)
     found = Recorded(sound, calibration, recordings)

@@ -289,16 +289,16 @@ def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]
     if path.exists():
         raise ManifestError(f"{path}: is there already, allowed: none; edit it, or remove it")
     manifest, own = draft_manifest(given), {k: v for k, v in given.items() if k != "cameras"}
-    asked = template.list_asked(manifest, REPORTED_FIELDS)
+    assumed = template.find_assumed(manifest, own, REPORTED_FIELDS)
     folder.mkdir(parents=True, exist_ok=True)
-    whole_text(path, template.text_of(manifest, own, asked))
+    whole_text(path, template.text_of(manifest, assumed))
     places = ", ".join(f"{c.azimuth_deg:g}°" for c in manifest.cameras)
     first = manifest.cameras[0]
     where = (
         f"{len(manifest.cameras)} cameras, {first.distance_mm:g} mm from the structure's centre "
         f"and {first.elevation_deg:g}° above its plane, at azimuths {places}"
     )
-    return path, [where, *template.list_assumed(manifest, own, asked)]
+    return path, [where, *template.list_assumed(manifest, assumed)]
 
 
 def draft_manifest(given: Mapping[str, Any]) -> Manifest:

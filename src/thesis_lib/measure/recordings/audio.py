@@ -41,15 +41,12 @@ class AudioTrack:
 
     rate: float  #: Samples per second of the video's clock
     start: float  #: Time of the first sample after that of the first frame, s
-    #: The samples in −1…1, mixed to one channel, some tens of thousands at a time, shape
-    #: (samples,)
-    blocks: Iterator[Array]
+    blocks: Iterator[Array]  #: Samples in −1…1, mixed to one channel, shape (samples,)
     stated_rate: int  #: Samples per second that the file states
     samples: int  #: Number of samples
     level: float  #: Root mean square of the samples less their mean, of full scale
     clipped: int  #: Number of samples at full scale, in the channel that has the fewest
-    #: Which track and channels these are, if not all of the first one, and the pace of the time
-    #: stamps, if it is another than the file states; empty otherwise
+    #: Track, channels and pace, where these are not all of the first track at the stated rate
     source: str = ""
 
     @property
@@ -57,9 +54,8 @@ class AudioTrack:
         """Return what to say of a sound without a signal, empty of another."""
         if self.level >= MAX_SILENT_RMS:
             return ""
-        return (
-            f"silent audio (rms {self.level:.1e} of full scale), allowed: at least {MAX_SILENT_RMS}"
-        )
+        rms = f"rms {self.level:.1e} of full scale"
+        return f"silent audio ({rms}), allowed: at least {MAX_SILENT_RMS}"
 
 
 @dataclass
@@ -67,6 +63,7 @@ class _Survey:
     """Time stamps and levels of one audio track, gathered frame by frame."""
 
     channels: int
+    unit: float  #: Of the time stamps, s
     rate: int = 0  #: Of the decoded frames in Hz
     times: list[float] = field(default_factory=list)  #: Time stamp of each frame, s
     counts: list[int] = field(default_factory=list)  #: Samples of each frame
@@ -74,7 +71,6 @@ class _Survey:
     sums: Any = 0.0
     products: Any = 0.0
     clipped: Any = 0  #: Samples at full scale of each channel
-    unit: float = 0.0  #: Of the time stamps, s
     damaged: float | None = None  #: When it can no longer be decoded, s
 
     def add(self, frame: av.AudioFrame, block: Array) -> None:
@@ -87,11 +83,6 @@ class _Survey:
         self.sums += block.sum(axis=1)
         self.products += block @ block.T
         self.clipped += np.count_nonzero(np.abs(block) >= FULL_SCALE, axis=1)
-
-    @property
-    def seconds(self) -> float:
-        """Return how long the decoded samples last, s."""
-        return sum(self.counts) / max(self.rate, 1)
 
     @property
     def covariance(self) -> Array:
@@ -132,22 +123,23 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
             raise MediaError(f"{path}: the audio track is empty")
         first, last, start, pace = _timing(path, survey)
         film = start_of_film(path)
-        picture = start if film is None else film
         rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
         # MP3 in a container that cannot state its encoder's delay
         hidden = file.format.name == "avi" and track.codec_context.name.startswith("mp3")
         late = MP3_DELAY / rate if film is not None and hidden else 0.0
         own = rate / pace
-        stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
+        if own != rate:
+            stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
+            words = "; ".join(filter(None, [words, stamps]))
         yield AudioTrack(
             rate=own,
-            start=start - picture - late,
-            blocks=_mix_blocks(path, file.decode(track), chosen, slice(first, last)),
+            start=start - (start if film is None else film) - late,
+            blocks=_mix_blocks(path, islice(file.decode(track), first, last), chosen),
             stated_rate=rate,
             samples=sum(survey.counts[first:last]),
             level=float(np.sqrt(max(part.mean(), 0.0))),
             clipped=int(min(survey.clipped[chosen])),
-            source="; ".join(filter(None, [words, stamps if own != rate else ""])),
+            source=words,
         )
 
 
@@ -168,15 +160,15 @@ def read_audio(path: Path) -> tuple[Array, float, float]:
 
 
 def _mix_blocks(
-    path: Path, frames: Iterator[av.AudioFrame], channels: Sequence[int], part: slice
+    path: Path, frames: Iterator[av.AudioFrame], channels: list[int]
 ) -> Iterator[Array]:
     """Yield the samples of some frames, mixed of some channels, some blocks of them at once."""
     convert = av.AudioResampler(format="fltp")
     blocks, held = [], 0
     try:
-        for frame in islice(frames, part.start, part.stop):
+        for frame in frames:
             for block in convert.resample(frame):
-                blocks.append(block.to_ndarray()[list(channels)].mean(axis=0))
+                blocks.append(block.to_ndarray()[channels].mean(axis=0))
             held += frame.samples
             if held >= BLOCK_SAMPLES:
                 yield np.concatenate(blocks, dtype=float)
@@ -192,51 +184,33 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
     """Decode all audio tracks for their time stamps and levels, once unless the file changes."""
     with open_media(path) as file:
         tracks = file.streams.audio
-        found = [_Survey(track.channels, unit=float(track.time_base or 0)) for track in tracks]
-        place = {track.index: k for k, track in enumerate(tracks)}
-        convert = [av.AudioResampler(format="fltp") for _ in tracks]
+        found = {one.index: _Survey(one.channels, float(one.time_base or 0)) for one in tracks}
+        convert = {track.index: av.AudioResampler(format="fltp") for track in tracks}
         try:
             for packet in file.demux(*tracks):
-                own = found[k := place[packet.stream.index]]
-                if own.damaged is not None:
-                    continue
-                try:
-                    for frame in packet.decode():
-                        for block in convert[k].resample(frame):  # type: ignore[arg-type]
-                            samples = block.to_ndarray().astype(float)
-                            own.add(frame, samples)  # type: ignore[arg-type]
-                except (av.FFmpegError, OSError, ValueError):
-                    own.damaged = own.seconds
-        except (av.FFmpegError, OSError):
-            for one in found:
-                one.damaged = one.seconds
-    return found
+                for frame in packet.decode():
+                    for block in convert[packet.stream.index].resample(frame):  # type: ignore[arg-type]
+                        found[packet.stream.index].add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
+        except (av.FFmpegError, OSError, ValueError):
+            for one in found.values():
+                one.damaged = sum(one.counts) / max(one.rate, 1)
+    return [*found.values()]
 
 
-def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
-    """Choose the track and its channels that hold sound, and say so where others do not."""
-    levels = [
-        np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) * (one.damaged is None)
-        for one in surveys
-    ]
+def _loud(surveys: Sequence[_Survey]) -> tuple[int, list[int], str]:
+    """Choose the track and its channels that hold sound, and name them where others do not."""
+    levels = [np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) for one in surveys]
     track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
-    words = []
-    if track:
-        words.append(f"track {track + 1} of {len(surveys)}, since those before it hold no sound")
+    words = [f"track {track + 1} of {len(surveys)}"] if track else []
     covariance = surveys[track].covariance
     each = np.sqrt(np.diag(covariance).clip(0))
-    count = len(each)
     channels = np.flatnonzero(each >= MAX_FAINT_RATIO * each.max(initial=0.0))
-    why = ""
-    if len(channels) < count:
-        why = f"{'the others hold' if count > 2 else 'the other holds'} no sound"
     part = covariance[np.ix_(channels, channels)]
     if len(channels) > 1 and part.sum() < MAX_CANCELLED_RATIO**2 * np.trace(part):
-        channels = np.array([int(np.argmax(each))])
-        why = "the channels cancel when mixed"
-    if why:
+        channels = np.array([int(np.argmax(each))])  # they cancel when mixed
+    if len(channels) < len(each):
         numbers = ", ".join(str(c + 1) for c in channels)
-        words.append(f"channel{'s' * (len(channels) > 1)} {numbers} of {count}, since {why}")
+        words.append(f"channel{'s' * (len(channels) > 1)} {numbers} of {len(each)}")
     return track, channels.tolist(), "; ".join(words)
 
 
@@ -258,10 +232,9 @@ def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
         elif samples[-1] - samples[k] < PRIMING_S:
             last = min(last, k)
         else:
-            raise MediaError(
-                f"{path}: the audio has a gap at {times[k - 1] + own.counts[k - 1] / rate:.3f} s: "
-                f"its time stamps jump by {off[k] - off[k - 1]:+.3f} s"
-            )
+            end, jump = times[k - 1] + own.counts[k - 1] / rate, off[k] - off[k - 1]
+            why = f"its time stamps jump by {jump:+.3f} s"
+            raise MediaError(f"{path}: the audio has a gap at {end:.3f} s: {why}")
     x, y = samples[first:last] - samples[first], off[first:last]
     rounding = MILLISECOND_S if own.unit > MILLISECOND_S / 3 else 2 * own.unit
     if np.abs(y - y[0]).max() <= rounding:

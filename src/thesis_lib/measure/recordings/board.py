@@ -138,10 +138,7 @@ class BoardSpec(Fields):
             self.refuse("mark_mm", "allowed: a number below tile_mm, in mm")
         marks = self.columns * self.rows // 2
         if self.dictionary is None or int(self.dictionary.rpartition("_")[2]) < marks:
-            self.refuse(
-                "dictionary",
-                f"allowed: DICT_4X4_50 to DICT_7X7_1000 with enough marks, here {marks}",
-            )
+            self.refuse("dictionary", f"allowed: a dictionary with enough marks, here {marks}")
         if self.two_sided:
             self.refuse("two_sided", "allowed where kind is charuco: false")
         return self
@@ -149,15 +146,10 @@ class BoardSpec(Fields):
     @property
     def board(self) -> Board:
         """The board in SI units."""
-        return Board(
-            self.columns,
-            self.rows,
-            self.tile_mm / 1000,
-            self.margin_mm / 1000,
-            self.thickness_mm / 1000,
-            (self.mark_mm or 0) / 1000,
-            self.dictionary or MARK_DICTIONARY,
-        )
+        lengths_mm = self.tile_mm, self.margin_mm, self.thickness_mm, self.mark_mm or 0
+        tile, margin, thickness, mark = (length / 1000 for length in lengths_mm)
+        dictionary = self.dictionary or MARK_DICTIONARY
+        return Board(self.columns, self.rows, tile, margin, thickness, mark, dictionary)
 
 
 def _mark_default(given: dict[str, object]) -> bool:
@@ -249,12 +241,13 @@ def beam_default(name: str, scale: int = 1) -> Any:
     return read
 
 
-def _thesis_layout(given: dict[str, Any]) -> bool:
-    """Return whether markers are the thesis's, which alone have a hole unless it is given."""
-    return all(
+def _default_hole(given: dict[str, Any]) -> Place | None:
+    """Return the hole of the thesis's markers, None of others."""
+    own = all(
         given.get(name) == MarkersSpec.model_fields[name].get_default(call_default_factory=True)
         for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
     )
+    return (24.0, 10.0) if own else None
 
 
 class MarkersSpec(Fields):
@@ -276,9 +269,7 @@ class MarkersSpec(Fields):
     """whether they are darker or brighter than the structure"""
     detector: Literal["disc"] = "disc"
     """what finds them in a frame"""
-    hole_mm: Place | None = Field(
-        default_factory=lambda data: (24.0, 10.0) if _thesis_layout(data) else None
-    )
+    hole_mm: Place | None = Field(default_factory=_default_hole)
     """a hole that looks like a marker, from the clamped corner"""
 
 

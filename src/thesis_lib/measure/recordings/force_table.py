@@ -24,24 +24,27 @@ MIN_SAMPLES = 100
 MAX_BYTES = 1 << 30  # of a table that is read at all
 LOOKED_AT = 400  # lines from which separator, decimal mark and header are told
 MAX_UNSTATED_STEP_S = 0.03  # between samples, from which on times may be ms or numbers of samples
-EXAMPLE_TEXT = (
-    'allowed: a time and a force in each line, as "time_s,force_N" and below it "0.001,12.5"'
-)
+EXAMPLE_TEXT = 'allowed: a time and a force in each line, as "time_s,force_N", "0.001,12.5"'
 
-MEGANEWTON_UNIT = "MN"
 UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
               r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
 _WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-TIME_UNITS_S: dict[str, float] = _WORDS["time_units_s"]
-FORCE_UNITS_N = {unit.lower(): factor for unit, factor in _WORDS["force_units_n"].items()}
-OTHER_UNITS = frozenset(_WORDS["other_units"])
-TIME_NAMES = frozenset(_WORDS["time_names"])
-FORCE_NAMES = frozenset(_WORDS["force_names"])
-INDEX_NAMES = frozenset(_WORDS["index_names"])
+#: Factors to s and N of units in lower case, but for MN, since "mn" are millinewtons
+SI_UNITS: dict[str, dict[str, float]] = {
+    kind: {unit.lower(): factor for alike, factor in table.items() for unit in alike.split()}
+    for kind, table in _WORDS["units"].items()
+}
+SI_NAMES = {"time": "s", "force": "N"}
+NAMES = {kind: frozenset(_WORDS[f"{kind}_names"]) for kind in ("time", "force", "index")}
 
 
 class ForceError(ValueError):
     """A force that cannot be used; the message is one line."""
+
+
+def _doubt(path: Path, problem: str) -> ForceError:
+    """Return the error of a table that cannot be read beyond doubt."""
+    return ForceError(f"{path}: {problem}, {EXAMPLE_TEXT}")
 
 
 @dataclass(frozen=True)
@@ -116,70 +119,67 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
         for number, line in enumerate(_text_of(path).splitlines(), 1)
         if line.strip() and not line.lstrip().startswith(("#", "%", "//", "!"))
     ]
-    if numbered and re.fullmatch(r"\"?sep=.\"?", numbered[0][1].strip(), re.IGNORECASE):
-        numbered = numbered[1:]
     if not numbered:
-        raise ForceError(f"{path}: empty, {EXAMPLE_TEXT}")
+        raise _doubt(path, "empty")
     form, begin = _form_of(path, [line for _, line in numbered])
-    head, body = numbered[:begin], numbered[begin:]
+    body = numbered[begin:]
     width = Counter(len(form.cells(line)) for _, line in body[:LOOKED_AT]).most_common(1)[0][0]
     first = form.cells(body[0][1])[:width]
     clocks = [k for k, cell in enumerate(first) if CLOCK_PATTERN.fullmatch(cell)]
     # Seconds since the year 1 would be rounded to 8 µs.
-    form = replace(
-        form, day=int(max([form.number(first[k]) or 0 for k in clocks], default=0) // 86400)
-    )
-    rows = []
-    for number, line in body:
+    days = [int((form.number(first[k]) or 0) // 86400) for k in clocks]
+    form = replace(form, day=max(days, default=0))
+    values = np.full((len(body), width), np.nan)  # where a cell is empty or a word
+    for own, (number, line) in zip(values, body, strict=True):
         row, good = form.parse(line)
         if not good:
-            raise ForceError(
-                f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, "
-                f"{EXAMPLE_TEXT}"
-            )
-        rows.append([*row[:width], *[None] * (width - len(row))])
-    values = np.array(rows, float)  # NaN where a cell is empty or a word
+            raise _doubt(path, f"line {number}: {line.strip()[:40]!r} is not a time and a force")
+        own[: len(row)] = row[:width]
     values[:, clocks] -= values[0, clocks]  # times of day count from the first
-    header = [form.cells(line) for _, line in head]
+    header = [form.cells(line) for _, line in numbered[:begin]]
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
-        raise ForceError(f"{path}: its commas part columns and mark decimals, {EXAMPLE_TEXT}")
+        raise _doubt(path, "its commas part columns and mark decimals")
     names, units = _header(header, width)
-    time, force = _columns(path, names, units, values)
-    if time in clocks:  # whatever their name says, as "Time (UTC)" or "Time (h:m:s)"
-        units[time] = "s"
-    for k, what in ((time, "time"), (force, "force")):
-        _check_unit(path, names, units, k, what)
-    times = values[:, time] * TIME_UNITS_S.get(units[time].lower(), 1.0)
-    mega = units[force] == MEGANEWTON_UNIT  # "mn" are millinewtons
-    newtons = values[:, force] * (1e6 if mega else FORCE_UNITS_N.get(units[force].lower(), 1.0))
+    labels = [f"{k} ({name})" if name else f"{k}" for k, name in enumerate(names, 1)]
+    scaled, told = [], []
+    found = _choose_columns(names, units, values)
+    for kind, columns in found.items():
+        if len(columns) != 1:
+            pairs = zip(labels, units, strict=True)
+            shown = ", ".join(f"{label} in {unit}" if unit else label for label, unit in pairs)
+            which = "several columns may be" if columns else "no column is clearly"
+            raise _doubt(path, f"{which} the {kind}, of columns {shown}")
+        (k,) = columns
+        for bad in np.flatnonzero(~np.isfinite(values[:, k])):
+            where = f"line {body[bad][0]} has no number in column {labels[k]}"
+            raise _doubt(path, f"{where}, the {kind}")
+        if k in clocks:  # whatever it is called, as "Time (UTC)" or "Time (h:m:s)"
+            units[k] = "s"
+        unit = units[k] or _unknown_unit(names[k])
+        factor = 1e6 if unit == "MN" else SI_UNITS[kind].get((unit or SI_NAMES[kind]).lower())
+        if factor is None:
+            known = join_words([alike.split()[0] for alike in _WORDS["units"][kind]], "or")
+            where = f"column {labels[k]}, the {kind}"
+            raise ForceError(f"{path}: {where}, is in {unit}, allowed: {known}")
+        scaled.append(values[:, k] * factor)
+        told.append(f"{kind} from column {labels[k]} in {unit or SI_NAMES[kind]}")
+    times, newtons = scaled
     for k in np.flatnonzero(np.diff(times) <= 0)[:1] + 1:
-        raise ForceError(
-            f"{path}: line {body[k][0]}: {times[k]:g} s, allowed: after the line before"
-        )
+        where = f"line {body[k][0]}: {times[k]:g} s"
+        raise ForceError(f"{path}: {where}, allowed: after the line before")
     if len(times) < MIN_SAMPLES:
         raise ForceError(f"{path}: {len(times)} samples, allowed: {MIN_SAMPLES} or more")
-    step = float(np.median(np.diff(times)))
-    if not units[time] and step > MAX_UNSTATED_STEP_S:
-        raise ForceError(
-            f"{path}: its times{_name_column(names, time)} step by {step:g} and have no unit, "
-            f"allowed: a unit, as time_ms or time_s, or steps up to {MAX_UNSTATED_STEP_S:g} s"
-        )
-    told = [
-        f"{kind} from column {k + 1}{_name_column(names, k)} in {units[k] or unit}"
-        for kind, k, unit in (("time", time, "s"), ("force", force, "N"))
-    ]
+    step, stated = float(np.median(np.diff(times))), units[found["time"][0]]
+    if not stated and step > MAX_UNSTATED_STEP_S:
+        raise _doubt(path, f"its times step by {step:g} and have no unit")
     return times, newtons, ", ".join(told)
 
 
 def _text_of(path: Path) -> str:
-    """Decode a file by its mark, by its zeros, or as UTF-8, else as Latin-1 of Windows."""
+    """Decode a file by its mark, or as UTF-8, else as Latin-1 of Windows."""
     data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
-    start = data[:1000]
-    for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):
-        if start[first::2].count(0) > len(start) / 4:
-            return data.decode(name, errors="replace")
     try:
         return data.decode("utf-8-sig")  # which reads UTF-8 without a mark, too
     except UnicodeDecodeError:
@@ -197,8 +197,7 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
     counts = {form: sum(good for _, good in rows) for form, rows in parsed.items()}
     most = max(counts.values())
     if most <= len(end) / 2:
-        line = lines[len(lines) // 2].strip()[:40]
-        raise ForceError(f"{path}: {line!r} is not a time and a force, {EXAMPLE_TEXT}")
+        raise _doubt(path, f"{lines[len(lines) // 2].strip()[:40]!r} is not a time and a force")
     least = max(0.98 * most, len(end) / 2)
     best = [form for form, count in counts.items() if count > least]
     data = [k for k in range(len(end)) if all(parsed[form][k][1] for form in best)]
@@ -207,10 +206,7 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
     form = best[0]
     if any(numbers[form] != numbers[other] for other in best):
         marks = " or ".join(f"{one.separator!r} and {one.decimal!r}" for one in best)
-        raise ForceError(
-            f"{path}: its numbers can be read in two ways, with {marks} as separator and decimal "
-            f"mark, {EXAMPLE_TEXT}"
-        )
+        raise _doubt(path, f"its numbers can be read in two ways, by separator and mark {marks}")
     usual = Counter(len(form.cells(end[k])) for k in data).most_common(1)[0][0]
     begin = next(
         k
@@ -232,9 +228,8 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
         alone, split = [cell.strip("[]() ") for cell in cells], [_split(cell) for cell in cells]
         known = [_is_unit(one) for one in alone]
         filled = [one.lower() for one in alone if one]
-        unnamed = sum(known) == len(filled) and all(
-            any(one in table for one in filled) for table in (TIME_UNITS_S, FORCE_UNITS_N)
-        )
+        both = all(table.keys() & filled for table in SI_UNITS.values())
+        unnamed = both and sum(known) == len(filled)
         if unnamed or (any(names) and sum(known) >= max(1, len(filled) / 2)):
             units = [
                 new if _is_unit(new) or (not old and _is_word(new)) else old
@@ -248,8 +243,7 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
 
 
 def _is_unit(text: str) -> bool:
-    low = text.lower()
-    return low in TIME_UNITS_S or low in FORCE_UNITS_N or low in OTHER_UNITS
+    return any(text.lower() in table for table in (*SI_UNITS.values(), _WORDS["other_units"]))
 
 
 def _split(cell: str) -> tuple[str, str]:
@@ -269,78 +263,39 @@ def _kinds(name: str) -> set[str]:
     low = re.sub(r"[\s_]+", " ", name.lower()).strip()
     words = {low, *re.split(r"[ .:;/\\-]", low)}
     fits = {
-        "time": words & TIME_NAMES or low.startswith(("time", "zeit")),
-        "force": words & (FORCE_NAMES - {"f"}) or low == "f" or "kraft" in low or "force" in low,
-        "index": low in INDEX_NAMES or low.startswith("unnamed"),
+        "time": words & NAMES["time"] or low.startswith(("time", "zeit")),
+        "force": words & NAMES["force"] - {"f"} or low == "f" or "kraft" in low or "force" in low,
+        "index": low in NAMES["index"] or low.startswith("unnamed"),
     }
     return {kind for kind, fit in fits.items() if fit}
 
 
-def _columns(
-    path: Path, names: Sequence[str], units: Sequence[str], values: Array
-) -> tuple[int, int]:
-    """Choose the columns of time and force by unit, name and content; each must be the only one."""
-    width = values.shape[1]
-    full = [k for k in range(width) if np.isfinite(values[:, k]).all()]
-    rising = [k for k in full if (np.diff(values[:, k]) > 0).all()]
-    counts = [k for k in full if len(values) > 2 and set(np.diff(values[:, k])) == {1.0}]
-    by_name = [_kinds(name) for name in names]
-    unit = [u.lower() for u in units]
-    times = [k for k in range(width) if "time" in by_name[k] and unit[k] not in FORCE_UNITS_N]
-    times = times or [k for k in range(width) if unit[k] in TIME_UNITS_S]
-    forces = [k for k in range(width) if "force" in by_name[k] and k not in times]
-    forces = [k for k in forces if unit[k] in FORCE_UNITS_N] or forces
-    forces = forces or [k for k in range(width) if unit[k] in FORCE_UNITS_N]
+def _choose_columns(names: list[str], units: list[str], values: Array) -> dict[str, list[int]]:
+    """Return the columns that may be time and force: by name or unit, else one of two columns."""
+    every = range(values.shape[1])
+    kinds = [_kinds(name) for name in names]
+    in_s, in_n = ([k for k in every if units[k].lower() in table] for table in SI_UNITS.values())
+    times = [k for k in every if "time" in kinds[k] and k not in in_n] or in_s
+    forces = [k for k in every if "force" in kinds[k] and k not in times]
+    forces = [k for k in forces if k in in_n] or forces or in_n
     if len(times) > 1:  # as a date, and a time since the start
-        times = [k for k in times if k in rising]
-        times = [k for k in times if unit[k] in TIME_UNITS_S] or times
-    indices = [k for k in range(width) if by_name[k] == {"index"} and k in counts]
-    others = [k for k in full if k not in indices and k not in times and k not in forces]
-    if not times:
-        first = [k for k in others if k in rising]
-        times = first[:1] if len(first) == 1 or len(full) == 2 else []
-    if not forces:
-        left = [k for k in others if k not in times and k not in counts]
-        forces = left if len(left) == 1 else []
-    for what, found in (("time", times), ("force", forces)):
-        if len(found) != 1:
-            shown = ", ".join(
-                f"{k + 1}{_name_column(names, k)}{f' in {unit}' if unit else ''}"
-                for k, unit in enumerate(units)
-            )
-            raise ForceError(
-                f"{path}: {'several columns may be' if found else 'no column is clearly'} the "
-                f"{what}, of columns {shown}; {EXAMPLE_TEXT}"
-            )
-    time, force = times[0], forces[0]
-    for k, what in ((time, "time"), (force, "force")):
-        if k not in full:
-            bad = int(np.flatnonzero(~np.isfinite(values[:, k]))[0])
-            raise ForceError(
-                f"{path}: row {bad + 1} has no number in column {k + 1}{_name_column(names, k)}, "
-                f"the {what}; {EXAMPLE_TEXT}"
-            )
-    return time, force
+        times = [k for k in times if (np.diff(values[:, k]) > 0).all()]
+        times = [k for k in times if k in in_s] or times
+    free = [k for k in every if np.isfinite(values[:, k]).all()]
+    free = [k for k in free if kinds[k] != {"index"} or set(np.diff(values[:, k])) != {1.0}]
+    if len(free) == 2:
+        times = times or [k for k in free if k not in forces][:1]
+        forces = forces or [k for k in free if k not in times]
+    return {"time": times, "force": forces}
 
 
-def _check_unit(path: Path, names: Sequence[str], units: Sequence[str], k: int, what: str) -> None:
-    """Refuse a column of time or force in another unit than those of the table."""
-    end = re.fullmatch(r".*[\[(]([^\])]*)[\])]", names[k])
-    unit = units[k] or (end[1].strip() if end and _is_word(end[1].strip()) else "")
-    known: dict[str, float] = _WORDS["time_units_s" if what == "time" else "force_units_n"]
-    if unit and unit.lower() not in map(str.lower, known):
-        by_size = {factor: name for name, factor in reversed(known.items())}  # first of each
-        raise ForceError(
-            f"{path}: column {k + 1}{_name_column(names, k)}, the {what}, is in {unit}, allowed: "
-            f"{join_words([*reversed(by_size.values())], 'or')}"
-        )
+def _unknown_unit(name: str) -> str:
+    """Return what stands in brackets at a name's end, where it may be a unit."""
+    end = re.fullmatch(r".*[\[(]([^\])]*)[\])]", name)
+    return end[1].strip() if end and _is_word(end[1]) else ""
 
 
 def _is_word(text: str) -> bool:
     """Return whether a text may be a unit that is not known: no number, channel or name."""
     channel = re.match(r"ch(annel)?([\W\d_]|$)", text.lower())
     return bool(re.search(r"[^\W\d_]", text)) and not channel and not _kinds(text)
-
-
-def _name_column(names: Sequence[str], k: int) -> str:
-    return f" ({names[k]})" if names[k] else ""

@@ -5,7 +5,6 @@ SI units.
 """
 
 from collections.abc import Iterable, Iterator
-from itertools import combinations
 from pathlib import Path
 from typing import Any, Self
 
@@ -21,7 +20,6 @@ from thesis_lib.studies import fields
 from thesis_lib.studies.fields import Fields, Positive, Real, format_given, refuse_value
 from thesis_lib.text import RefusedError, aside
 
-INSIDE_TEXT = "a path inside the manifest's folder"
 #: Endings of images that are sought in folders
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}
 #: Old to new names of fields, and of kinds of excitation; read until version 2.
@@ -96,9 +94,7 @@ class CameraFiles(Fields):
             sides = np.diff([*self.corners_px, *self.corners_px[:2]], axis=0)
             turns = sides[:-1, 0] * sides[1:, 1] - sides[:-1, 1] * sides[1:, 0]
             if not (np.all(turns > 0) or np.all(turns < 0)):
-                self.refuse(
-                    "corners_px", "allowed: null, or four [u, v] around a convex quadrilateral"
-                )
+                self.refuse("corners_px", "allowed: null, or [u, v] of a convex quadrilateral")
         return self
 
 
@@ -144,12 +140,11 @@ class Manifest(Fields):
                 if camera.board_images is None:
                     why = "allowed without calibration: board images"
                     refuse_value(f"cameras[{i}].board_images", None, why)
-        for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
-            for name in ("name", "video"):
-                given = getattr(other, name)
-                if given == getattr(one, name):
-                    why = f"the same as cameras[{i}].{name}, allowed: another one"
-                    refuse_value(f"cameras[{j}].{name}", given, why)
+        names = [camera.name for camera in self.cameras]
+        for i, name in enumerate(names):
+            if (first := names.index(name)) < i:
+                why = f"the same as cameras[{first}].name, allowed: another one"
+                refuse_value(f"cameras[{i}].name", name, why)
         if self.radiation is not None:
             self.radiation.check(own)
         return self
@@ -163,9 +158,7 @@ class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
     """Write so that :func:`~.text_files.parse_yaml` reads the same."""
 
 
-_Dumper.add_implicit_resolver(
-    "tag:yaml.org,2002:float", text_files.POWER_PATTERN, list("-+0123456789")
-)
+_Dumper.add_implicit_resolver(*text_files.POWER_RESOLVER)
 
 
 def read_manifest(path: Path, check_files: bool = True) -> Manifest:
@@ -184,17 +177,14 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         In one line: the file, the line or field, what was given and what is allowed.
     """
     if not path.is_file():
-        raise ManifestError(
-            f"{path}: {'a folder, give the YAML file in it' if path.is_dir() else 'no such file'}"
-        )
+        why = "a folder, give the YAML file in it" if path.is_dir() else "no such file"
+        raise ManifestError(f"{path}: {why}")
     try:
         values = text_files.parse_yaml(text_files.read_text(path))
     except text_files.TextFileError as error:
         raise ManifestError(f"{path}: {error}") from None
     if not isinstance(values, dict):
-        raise ManifestError(
-            f"{path}: given {format_given(values)}, allowed: fields and their values"
-        )
+        raise ManifestError(f"{path}: given {format_given(values)}, allowed: fields with values")
     cameras = values.get("cameras")
     several = cameras if isinstance(cameras, list) else []
     _rename_fields([values.get("excitation"), *several], str(path))
@@ -217,11 +207,8 @@ def rename_options(given: dict[str, Any]) -> dict[str, Any]:
     places = [place.rpartition(".") for place in given]
     named = [{name: value} for (*_, name), value in zip(places, given.values(), strict=True)]
     _rename_fields(named, "-p")
-    return {
-        f"{where}{dot}{name}": value
-        for (where, dot, _), part in zip(places, named, strict=True)
-        for name, value in part.items()
-    }
+    parts = zip(places, named, strict=True)
+    return {f"{where}{dot}{n}": v for (where, dot, _), part in parts for n, v in part.items()}
 
 
 def _rename_fields(several: Iterable[Any], where: str) -> None:
@@ -232,7 +219,8 @@ def _rename_fields(several: Iterable[Any], where: str) -> None:
             if old in part and new not in part:
                 part[new] = part.pop(old)
                 found[old] = new
-        if isinstance(kind := part.get("kind"), str) and kind in RENAMED_KINDS:
+        kind = part.get("kind")
+        if isinstance(kind, str) and kind in RENAMED_KINDS:
             part["kind"] = RENAMED_KINDS[kind]
             found[f"kind: {kind}"] = f"kind: {part['kind']}"
     if found:
@@ -242,11 +230,8 @@ def _rename_fields(several: Iterable[Any], where: str) -> None:
 
 def write_manifest(manifest: Manifest, path: Path) -> None:
     """Write a manifest as YAML, whole or not at all."""
-    values = manifest.model_dump(mode="json")
-    text = yaml.dump(
-        values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None
-    )
-    whole_text(path, text)
+    how: Any = {"sort_keys": False, "allow_unicode": True, "default_flow_style": None}
+    whole_text(path, yaml.dump(manifest.model_dump(mode="json"), Dumper=_Dumper, **how))
 
 
 def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
@@ -259,13 +244,10 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     if not isinstance(camera.board_images, str):
         return [None if shot is None else folder / shot for shot in camera.board_images]
     place = folder / camera.board_images
-    try:
-        if place.is_dir():
-            return [*find_images(place.iterdir())]
-        files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
-        return [*sorted(files, key=lambda file: by_number(file.name))]
-    except (ValueError, NotImplementedError):  # no pattern that pathlib knows
-        return []
+    if place.is_dir():
+        return [*find_images(place.iterdir())]
+    files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
+    return [*sorted(files, key=lambda file: by_number(file.name))]
 
 
 def is_hidden(path: Path) -> bool:
@@ -290,68 +272,41 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
     root = folder.resolve()
 
     def outside(text: str) -> bool:
-        try:
-            return Path(text).is_absolute() or not (root / text).resolve().is_relative_to(root)
-        except (ValueError, OSError, RuntimeError):  # null characters, loops of links
-            return True
+        return Path(text).is_absolute() or not (root / text).resolve().is_relative_to(root)
 
-    named, counts = [("truth", manifest.truth)], []
+    named: dict[str, str | None] = {"truth": manifest.truth}
+    counts = []
     for i, camera in enumerate(manifest.cameras):
-        named.append((f"cameras[{i}].video", camera.video))
+        named[f"cameras[{i}].video"] = camera.video
         where, given = f"cameras[{i}].board_images", camera.board_images
         if given is None:
             continue
-        if not isinstance(given, str):
-            named += [(f"{where}[{k}]", shot) for k, shot in enumerate(given)]
-        elif outside(given):
-            yield f"{where}: given {format_given(given)}, allowed: {INSIDE_TEXT}"
+        if isinstance(given, str) and outside(given):
+            yield f"{where}: given {format_given(given)}, allowed: {parts.INSIDE_TEXT}"
             continue
         shots = shot_paths(camera, folder)
         counts.append(len(shots))
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
-            unread = _unread(folder / given) if isinstance(given, str) else ""
-            yield (
-                f"{where}: given {format_given(given)}, which is {len(files)} images, allowed: at "
-                f"least 3{unread}"
-            )
-        for shot in files if isinstance(given, str) else []:  # which may be links
-            if outside(str(shot.relative_to(folder))):
-                yield f"{where}: {format_given(shot.name)} leads outside, allowed: {INSIDE_TEXT}"
-    force = manifest.force
-    named.append(("force.file", None if force is None else force.file))  # or a video named
+            least = f"allowed: at least 3 of {', '.join(sorted(IMAGE_SUFFIXES))}"
+            yield f"{where}: given {format_given(given)}, which is {len(files)} images, {least}"
+        if isinstance(given, str):
+            given = tuple(str(shot.relative_to(folder)) for shot in files)
+        named |= {f"{where}[{k}]": text for k, text in enumerate(given)}  # which may be links
+    if manifest.force is not None:
+        named["force.file"] = manifest.force.file  # or a video named
     videos: dict[Path, str] = {}
-    for where, text in named:
+    for where, text in named.items():
         if text is None:
             continue
         if outside(text):
-            yield f"{where}: given {format_given(text)}, allowed: {INSIDE_TEXT}"
-        elif exist and not _is_file(folder / text):
+            yield f"{where}: given {format_given(text)}, allowed: {parts.INSIDE_TEXT}"
+        elif exist and not (folder / text).is_file():
             yield f"{where}: given {format_given(text)}, no such file in {folder}"
         else:
             first = videos.setdefault((root / text).resolve(), where)
             if where.endswith(".video") and first != where:
                 yield f"{where}: given {format_given(text)}, the same as {first}"
     if exist and len(set(counts)) > 1:
-        yield (
-            f"cameras: given {', '.join(map(str, counts))} board images, allowed: as many for "
-            "every camera, in the same order"
-        )
-
-
-def _unread(place: Path) -> str:
-    """List the files of a folder of images that cannot be read."""
-    if not place.is_dir():
-        return ""
-    endings = sorted(file.suffix.lower() for file in place.iterdir() if file.is_file())
-    others = {ending: endings.count(ending) for ending in endings if ending not in IMAGE_SUFFIXES}
-    told = " and ".join(f"{count} of {format_given(ending)}" for ending, count in others.items())
-    read = f" of {', '.join(sorted(IMAGE_SUFFIXES))}"
-    return f"{read} (there are {told}, which are not read: export JPEG)" if told else read
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a name that is too long, a folder that may not be entered
-        return False
+        several = ", ".join(map(str, counts))
+        yield f"cameras: given {several} board images, allowed: as many for every camera"

@@ -18,6 +18,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import MarkersSpec, Place, beam_default
 from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
+from thesis_lib.templates import join_words
 from thesis_lib.vibration import polygons
 
 if TYPE_CHECKING:
@@ -60,13 +61,12 @@ class StructureSpec(Fields):
             refuse_value("markers.rows", self.markers.rows, "allowed on a plate: at least 2")
         size, radius = np.array([[self.length_mm], [self.width_mm]]), self.markers.diameter_mm / 2
         points, hole = 1000 * self.marker_points, self.markers.hole_mm
-        name = "markers.points_mm" if self.markers.points_mm else "markers"
         given = self.markers.model_dump(mode="json", exclude={"hole_mm"})
         if np.any(points < radius - 1e-9) or np.any(points > size - radius + 1e-9):
-            refuse_value(name, given, "allowed: markers that lie on the structure")
+            refuse_value("markers", given, "allowed: markers that lie on the structure")
         apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=0)
         if np.any(apart[np.triu_indices(points.shape[1], 1)] < 2 * radius):
-            refuse_value(name, given, "allowed: markers that do not overlap")
+            refuse_value("markers", given, "allowed: markers that do not overlap")
         if hole is not None:
             place = np.array(hole)[:, None]
             near = np.linalg.norm(points - place, axis=0).min() < 2 * radius
@@ -141,10 +141,7 @@ class Behaviour:
 EXCITATION_KINDS: dict[Kind, Behaviour] = {
     "sine": Behaviour("shape", "Deflection", has_one_frequency=True),
     "multisine": Behaviour(
-        "modes",
-        "Tones",
-        assumption="Each tone is steady. Its shape is that of the motion, which may hold several "
-        "modes.",
+        "modes", "Tones", assumption="Each tone is steady. Its shape may hold several modes."
     ),
     "free_decay": Behaviour(
         "modes",
@@ -162,16 +159,14 @@ EXCITATION_KINDS: dict[Kind, Behaviour] = {
 
 def list_kinds(wanted: Callable[[Behaviour], bool]) -> str:
     """Return the kinds that behave so, as a refusal lists them."""
-    *others, last = (f'"{name}"' for name, one in EXCITATION_KINDS.items() if wanted(one))
-    return f"{', '.join(others)} or {last}" if others else last
+    return join_words([f'"{name}"' for name, one in EXCITATION_KINDS.items() if wanted(one)], "or")
 
 
 TABLE_SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".tab", ".dat", ".asc", ".lvm"])
 """Endings of files that are read as a table of a force."""
 
-FileName = Annotated[
-    str, Field(min_length=1, max_length=500, title="a path inside the manifest's folder")
-]
+INSIDE_TEXT = "a path inside the manifest's folder"
+FileName = Annotated[str, Field(min_length=1, max_length=500, title=INSIDE_TEXT)]
 Channel = Annotated[Whole, Field(ge=1, le=64)]
 
 
@@ -281,9 +276,7 @@ class Excitation(Fields):
             self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
         begin, end = self.steady_interval_s or (0.0, 1.0)
         if not 0 <= begin < end <= 1e5:
-            self.refuse(
-                "steady_interval_s", "allowed: [begin, end] in this order, from 0 to 100000, in s"
-            )
+            self.refuse("steady_interval_s", "allowed: [begin, end], from 0 to 100000, in s")
         return self
 
 
@@ -378,16 +371,12 @@ class Radiation(Fields):
         """Refuse what does not go with the structure."""
         markers, corners = structure.marker_points, self.corners(structure)
         if (count := markers.shape[1]) < MIN_SURFACE_MARKERS:
-            self._refuse(
-                "outline_mm",
-                f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}: fewer do not "
-                "tell how the surface between them moves",
-            )
+            least = f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}"
+            self._refuse("outline_mm", f"{least}: fewer do not tell how the surface moves")
         if isinstance(self.outline_mm, tuple):
             if not (3 <= len(self.outline_mm) <= 200 and polygons.is_simple(self.outline_mm)):
-                self._refuse(
-                    "outline_mm", "allowed: 3 to 200 corners [x, y] whose edges do not cross"
-                )
+                why = "allowed: 3 to 200 corners [x, y] whose edges do not cross"
+                self._refuse("outline_mm", why)
             near_edge = polygons.edge_distances(corners, markers).min(axis=0) < 1e-9
             on = polygons.polygon_contains(corners, markers) | near_edge
             if not on.all():
@@ -397,9 +386,7 @@ class Radiation(Fields):
         if self.edges != "by kind" and len(self.edges) != len(corners):
             self._refuse("edges", f'allowed: "by kind", or {len(corners)} of "free" and "held"')
         if self.between == "model" and (structure.kind == "flat" or self.outline_mm != "structure"):
-            self._refuse(
-                "between", 'allowed: null or "spline", since there is no model of this outline'
-            )
+            self._refuse("between", 'allowed: null or "spline", no model of this outline')
         if self.plane_top_mm is not None and self.plane_top_mm <= self.plane_bottom_mm:
             self._refuse("plane_top_mm", "allowed: null, or a number above plane_bottom_mm, in mm")
 

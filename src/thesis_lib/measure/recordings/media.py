@@ -11,7 +11,7 @@ before the first one and up to 1024 after the last, and trusts the reader to dro
 import contextlib
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -31,17 +31,17 @@ from thesis_lib.measure.recordings.text_files import TextFileError, read_text
 from thesis_lib.studies.fields import format_given
 
 MAX_SAMPLED_PICTURES = 50  # of a folder, in which the brightest grey level is looked for
-#: Names in the text header and in the XML header of what is needed, and the numbers allowed
-RAW_FIELDS = {
-    "rate": ("Record Rate(fps)", "recordRate", (1, 10**7)),  # Hz; the fastest sold reach 2e6
-    "frames": ("Total Frame", "totalFrame", (1, 10**8)),
-    "width": ("Image Width", "width", (2, 16384)),  # px, as H.264 allows
-    "height": ("Image Height", "height", (2, 16384)),
-    "bits": ("Color Bit", "bit", (8, 16)),
-    "depth": ("EffectiveBit Depth", "depth", (8, 16)),
-}
-RAW_BITS = 8, 12, 16  # of a pixel, that are read
-BIT_SIDE_FIELD = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
+MAX_RAW_NUMBER = 10**8  # frames, px, bits or Hz, beyond which a header is damaged
+#: Names in the text header and in the XML header of raw frames
+RAW_FIELDS = (
+    ("Record Rate(fps)", "recordRate"),
+    ("Total Frame", "totalFrame"),
+    ("Image Width", "width"),
+    ("Image Height", "height"),
+    ("Color Bit", "bit"),
+    ("EffectiveBit Depth", "depth"),
+    ("EffectiveBit Side", "side"),  # "Lower" or "Higher" bits of sixteen
+)
 TIME_UNIT_S = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
 
 
@@ -53,7 +53,6 @@ def write_video(
     sample_rate: int = 48000,
     codec: Literal["ffv1", "h264"] = "ffv1",
     crf: int = 23,
-    packed_from: str = "",
 ) -> None:
     """Write gray frames and their sound to a file, whole or not at all.
 
@@ -73,17 +72,14 @@ def write_video(
         ``ffv1`` is lossless, ``h264`` (x264, full range, preset medium) is as cameras record.
     crf : int
         Constant rate factor of H.264, 0…51; lower is better.
-    packed_from : str
-        Name of the film whose frames these are, if any.
     """
     sound = np.asarray([] if audio is None else audio, float)
-    container = {".mkv": "matroska", ".mov": "mov"}.get(path.suffix)
-    if container is None:
+    if path.suffix not in (".mkv", ".mov"):
         raise MediaError(f"{path}: given the ending {path.suffix!r}, allowed: .mkv, .mov")
     if sound.ndim != 1 or not np.isfinite(sound).all():
         raise MediaError(f"{path}: audio of shape {sound.shape}, allowed: finite, one channel")
     samples = np.rint(np.clip(sound, -1, 1 - 2**-15) * 2**15).astype(np.int16)
-    remaining = iter(frames)
+    remaining = _check_frames(path, frames)
     first = next(remaining, None)
     if first is None:
         raise MediaError(f"{path}: no frames to write")
@@ -93,12 +89,8 @@ def write_video(
         name, options = "libx264", {"preset": "medium", "crf": str(crf), "mbtree": "0"}
 
     def write_part(part: Path) -> None:
-        with av.open(
-            media_info.file_address(part), "w", format=container, options={"fflags": "+bitexact"}
-        ) as file:
+        with av.open(media_info.file_address(part), "w", options={"fflags": "+bitexact"}) as file:
             file.metadata["comment"] = " ".join([name, *map("=".join, options.items())])
-            if packed_from:
-                file.metadata["title"] = media_info.PACKED_FROM + packed_from
             video = file.add_stream(name, rate=Fraction(frame_rate).limit_denominator(1001))
             assert isinstance(video, av.VideoStream)
             video.height, video.width = first.shape
@@ -118,11 +110,6 @@ def write_video(
 
             written = 0
             for k, image in enumerate(chain([first], remaining)):
-                if image.dtype != np.uint8 or image.shape != first.shape:
-                    raise MediaError(
-                        f"{path}: frame {k} is {image.dtype} of shape {image.shape}, "
-                        f"allowed: uint8 of shape {first.shape}, as frame 0"
-                    )
                 picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="gray")
                 picture.pts, picture.time_base = k, 1 / video.codec_context.rate
                 file.mux(video.encode(picture))
@@ -135,12 +122,19 @@ def write_video(
             if track is not None:
                 file.mux(track.encode(None))
 
-    if first.dtype != np.uint8 or first.ndim != 2 or any(side % 2 for side in first.shape):
-        raise MediaError(
-            f"{path}: frame 0 is {first.dtype} of shape {first.shape}, "
-            "allowed: uint8 of an even height and width"
-        )
     whole_file(path, write_part)
+
+
+def _check_frames(path: Path, frames: Iterable[Image]) -> Iterator[Image]:
+    """Yield frames; refuse one that is not as the first, or cannot be encoded."""
+    shape = None
+    for k, image in enumerate(frames):
+        shape = shape or image.shape
+        if image.dtype != np.uint8 or image.shape != shape or [n % 2 for n in shape] != [0, 0]:
+            allowed = "uint8 of an even height and width, the same for all"
+            given = f"frame {k} is {image.dtype} of shape {image.shape}"
+            raise MediaError(f"{path}: {given}, allowed: {allowed}")
+        yield image
 
 
 def read_frames(
@@ -175,27 +169,21 @@ def read_frames(
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
             if (time - previous) * info.frame_rate > 1.75:
-                raise MediaError(
-                    f"{path}: frame {k} is missing: the one before is at {previous:.3f} s, "
-                    f"the next at {time:.3f} s"
-                )
+                between = f"between {previous:.3f} s and {time:.3f} s"
+                raise MediaError(f"{path}: frame {k} is missing, {between}")
             if k >= start:
                 yield _show_frame(frame, info.depth)
             k, previous = k + 1, time
-        there = info.frames if clock is None else len(clock)
-        wanted = there if stop is None else stop
+        wanted = stop if stop is not None else info.frames if clock is None else len(clock)
         if wanted is not None and k < wanted:
-            says = f"the file says {there}" if stop is None else f"asked up to {stop}"
-            raise MediaError(f"{path}: ends before frame {k}, {says} frames")
+            raise MediaError(f"{path}: ends before frame {k}, of {wanted} frames")
 
 
 def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
     """Return a frame in gray, as it is to be shown, uint8 of shape (height, width)."""
-    if depth < 16 and frame.format.components[0].bits == 16:
-        levels = np.asarray(frame.to_ndarray(format="gray16le"), np.uint16) >> (depth - 8)
-        image = np.minimum(levels, 255).astype(np.uint8)
-    else:
-        image = frame.to_ndarray(format="gray")
+    deep = depth < 16 and frame.format.components[0].bits == 16
+    image: NDArray[Any] = frame.to_ndarray(format="gray16le" if deep else "gray")
+    image = _highest_bits(image, depth) if deep else image
     transposed, mirrored, flipped = media_info.orientation_of(frame)
     image = image.T if transposed else image
     image = image[:, ::-1] if mirrored else image
@@ -203,10 +191,13 @@ def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
     return np.array(image, np.uint8, order="C")  # not the decoder's own
 
 
+def _highest_bits(levels: NDArray[Any], depth: int) -> Image:
+    """Return the highest eight of the bits that hold grey levels, uint8 of the same shape."""
+    return np.minimum(levels >> (depth - 8), 255).astype(np.uint8)
+
+
 def write_png(path: Path, image: Image) -> None:
     """Write a gray image, uint8 of shape (height, width), whole or not at all."""
-    if image.dtype != np.uint8 or image.ndim != 2 or not image.size:
-        raise MediaError(f"{path}: {image.dtype} of shape {image.shape}, allowed: gray uint8")
     _, data = cv2.imencode(".png", image)
     whole_file(path, lambda part: part.write_bytes(data.tobytes()))
 
@@ -217,49 +208,43 @@ def read_png(path: Path, depth: int | None = None) -> Image:
     ``depth`` bits hold the grey levels of an image of 16; else as many as its brightest pixel has.
     A :class:`MediaError` is raised if there is no such file, it is not an image, or cut off.
     """
-    levels = _levels(path)
+    levels = _read_levels(path)
     if levels.dtype == np.uint8:
-        return np.asarray(levels, np.uint8)
-    used = media_info.depth_for(int(levels.max())) if depth is None else depth
-    return np.asarray(np.minimum(levels >> (used - 8), 255), np.uint8)
+        return levels
+    return _highest_bits(levels, depth or media_info.depth_for(int(levels.max())))
 
 
-def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
+def _read_levels(path: Path) -> NDArray[Any]:
     """Return the grey levels of an image, of eight bits or of sixteen."""
-    if not path.is_file():
-        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
+    media_info.check_is_file(path)
     data = path.read_bytes()
     if data[4:8] == b"ftyp":  # HEIC, as telephones store images
-        try:
-            import pillow_heif
-        except ImportError:
-            raise MediaError(
-                f"{path}: HEIC needs pillow-heif: pip install thesis-lib[heic], or save JPEG"
-            ) from None
         try:  # turned as it is to be shown
+            import pillow_heif
+
             picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
+        except ImportError:
+            advice = "pip install thesis-lib[heic], or save JPEG"
+            raise MediaError(f"{path}: HEIC needs pillow-heif: {advice}") from None
         except (ValueError, OSError, EOFError, SyntaxError):
             raise MediaError(f"{path}: not a readable image, or cut off") from None
-        if picture.ndim == 3:
-            four = picture.shape[2] == 4
-            picture = cv2.cvtColor(picture, cv2.COLOR_RGBA2GRAY if four else cv2.COLOR_RGB2GRAY)
+        if picture.ndim == 3:  # the fourth would be transparency
+            picture = cv2.cvtColor(np.ascontiguousarray(picture[..., :3]), cv2.COLOR_RGB2GRAY)
         return np.ascontiguousarray(picture, np.uint8)
     # OpenCV fills what is cut off of a PNG.
     whole = not data.startswith(b"\x89PNG") or b"IEND" in data[-12:]
-    code, flags = np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE
-    image = cv2.imdecode(code, flags | cv2.IMREAD_ANYDEPTH) if data else None
-    if image is not None and image.dtype not in (np.uint8, np.uint16):  # numbers with a point
-        image = cv2.imdecode(code, flags)
-    if image is None or not whole:
+    code, flags = np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
+    image = cv2.imdecode(code, flags) if whole and data else None
+    if image is None or image.dtype not in (np.uint8, np.uint16):
         raise MediaError(f"{path}: not a readable image, or cut off")
-    return image.astype(np.uint16) if image.dtype == np.uint16 else image.astype(np.uint8)
+    return np.asarray(image)
 
 
 # Images, raw frames, or a film at another rate as a video. Phantom's .cine is read as it is.
 
 
 def pack_frames(
-    source: Path, target: Path, rate: float | None = None, say: Callable[[str], object] = str
+    source: Path, target: Path, rate: float | None = None
 ) -> tuple[int, tuple[int, int]]:
     """Write frames to a video without loss of grey levels of eight bits.
 
@@ -281,50 +266,68 @@ def pack_frames(
     """
     if target.suffix != ".mov":
         raise MediaError(f"{target}: given the ending {target.suffix!r}, allowed: .mov")
+    frames: Iterator[Image] | None = None
     if source.suffix.lower() in (".cih", ".cihx"):
-        own, frames = _raw(source)
+        own, frames = _read_raw(source)
         rate = rate or own
-    elif source.is_file():
-        if rate is None:
-            raise MediaError(f"{source}: give --rate-hz, the rate at which its frames were taken")
-        probe_media(source)
-        return _retime_frames(source, target, rate), probe_media(target).size
-    elif not source.is_dir():
+    elif not source.exists():
         raise MediaError(f"{source}: allowed: a folder of images, a video, a .cih or a .cihx")
+    elif rate is None:
+        raise MediaError(f"{source}: give --rate-hz, the rate at which its frames were taken")
+    elif source.is_dir():
+        frames = _read_images(source)
+    if frames is None:
+        _retime_frames(source, target, rate)
     else:
-        files = find_images(source.iterdir())
-        if not files:
-            raise MediaError(f"{source}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
-        sampled = map(_levels, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)])
-        depth = media_info.depth_for(max(int(levels.max()) for levels in sampled))
-        if 8 < depth < 16:
-            say(
-                f"{source} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale."
-            )
-        if rate is None:
-            raise MediaError(f"{source}: images carry no frame rate: give --rate-hz")
-        frames = (read_png(file, depth) for file in files)
-    even = (frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2] for frame in frames)
-    write_video(target, even, rate, None, codec="h264", crf=0)  # loses nothing
+        even = (frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2] for frame in frames)
+        write_video(target, even, rate, None, codec="h264", crf=0)  # loses nothing
     info = probe_media(target)
     return info.frames or 0, info.size
 
 
-def _raw(header: Path) -> tuple[float, Iterator[Image]]:
-    """Return the rate and frames of a header and the raw file beside it."""
-    said, side = _read_header(header)
-    bits, shape, count = said["bits"], (said["height"], said["width"]), said["frames"]
-    if bits not in RAW_BITS or said["depth"] > bits:
-        raise MediaError(
-            f"{header}: {bits} bits for a pixel, {said['depth']} of them used, allowed: "
-            f"{[*RAW_BITS]}, grey"
-        )
-    if bits == 12 and shape[0] * shape[1] % 2:
-        raise MediaError(f"{header}: given {shape[1]} × {shape[0]} px, allowed: an even number")
-    raw, size = header.with_suffix(".mraw"), shape[0] * shape[1] * bits // 8
+def _read_images(folder: Path) -> Iterator[Image]:
+    """Yield the images in a folder, all with the bits that the brightest of them has."""
+    files = find_images(folder.iterdir())
+    if not files:
+        raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
+    sampled = map(_read_levels, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)])
+    depth = media_info.depth_for(max(int(levels.max()) for levels in sampled))
+    return (read_png(file, depth) for file in files)
+
+
+def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
+    """Return the rate and frames of a header of Photron's and the raw file beside it."""
+    media_info.check_is_file(header)
+    try:
+        text = read_text(header, errors="replace")
+    except TextFileError as error:
+        raise MediaError(f"{header}: {error}") from None
+    xml = header.suffix == ".cihx"
+    pattern = r"<(\w+)>([^<]+)</\1>" if xml else r"^(.+?) : (.+?)\r?$"
+    said = dict(reversed(re.findall(pattern, text, re.MULTILINE)))  # the first of each counts
+    names = [pair[xml] for pair in RAW_FIELDS]
+    for name in names:
+        if name not in said:
+            raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
+    *texts, side = (said[name].strip() for name in names)
+    numbers = []
+    for name, given in zip(names, texts, strict=False):
+        number = math.nan
+        with contextlib.suppress(ValueError):
+            number = float(given)
+        if not 1 <= number <= MAX_RAW_NUMBER:
+            given = format_given(given)
+            raise MediaError(f"{header}: {name}: given {given}, allowed: 1 to {MAX_RAW_NUMBER}")
+        numbers.append(number)
+    rate, *whole = numbers
+    count, width, height, bits, depth = map(int, whole)
+    if bits not in (8, 12, 16) or depth > bits or side not in ("Lower", "Higher"):
+        given = f"{bits} bits for a pixel, {depth} of them used, side {format_given(side)}"
+        raise MediaError(f"{header}: {given}, allowed: 8, 12 or 16, grey; Lower or Higher")
+    raw, size = header.with_suffix(".mraw"), height * width * bits // 8
     if not raw.is_file() or raw.stat().st_size < count * size:
         raise MediaError(f"{raw}: not there, or shorter than the {count} frames of {header}")
-    shift = (16 if side == "Higher" else said["depth"]) - 8
+    shift = (16 if side == "Higher" else depth) - 8
 
     def frames() -> Iterator[Image]:
         with raw.open("rb") as file:
@@ -335,84 +338,38 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
                 elif bits == 12:  # two pixels in three bytes, highest bits first
                     first, middle, last = data.reshape(-1, 3).T
                     data = np.stack([first, (middle & 15) << 4 | last >> 4], axis=1).ravel()
-                yield data.reshape(shape)
+                yield data.reshape(height, width)
 
-    return said["rate"], frames()
-
-
-def _read_header(header: Path) -> tuple[dict[str, Any], str]:
-    """Return the numbers in a header, whole but the rate, and which bits of sixteen are used."""
-    if not header.is_file():
-        raise MediaError(f"{header}: no such file")
-    try:
-        text = read_text(header, errors="replace")
-    except TextFileError as error:
-        raise MediaError(f"{header}: {error}") from None
-    xml = header.suffix == ".cihx"
-
-    def value_of(name: str) -> str:
-        plain = re.escape(name)
-        pattern = rf"<{plain}>([^<]+)</{plain}>" if xml else rf"^{plain} : (.+?)\r?$"
-        match = re.search(pattern, text, re.MULTILINE)
-        if match is None:
-            raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
-        return match[1].strip()
-
-    said: dict[str, Any] = {}
-    for key, (*names, (low, high)) in RAW_FIELDS.items():
-        given, value = value_of(names[xml]), math.nan
-        with contextlib.suppress(ValueError):
-            value = float(given)
-        if not low <= value <= high:
-            raise MediaError(
-                f"{header}: {names[xml]}: given {format_given(given)}, allowed: {low} to {high}"
-            )
-        said[key] = value if key == "rate" else int(value)
-    side = value_of(BIT_SIDE_FIELD[xml])
-    if side not in ("Lower", "Higher"):
-        raise MediaError(
-            f"{header}: {BIT_SIDE_FIELD[xml]}: given {format_given(side)}, allowed: Lower or Higher"
-        )
-    return said, side
+    return rate, frames()
 
 
-def _retime_frames(source: Path, target: Path, rate: float) -> int:
-    """Write the frames of a film or of a raw stream to a video that plays at another rate.
+def _retime_frames(source: Path, target: Path, rate: float) -> None:
+    """Copy the frames of a film or of a raw stream to a video that plays at another rate.
 
-    Sound is left out: it does not go with frames that were taken at another rate. Frames are copied
-    as they are; what a .mov cannot hold is encoded without loss of grey levels of eight bits. The
-    source may be a raw stream of packets without time stamps, such as ``.h264``. Return the number
-    of frames.
+    Sound is left out: it does not go with frames that were taken at another rate. The source may be
+    a raw stream of packets without time stamps, such as ``.h264``.
     """
     if source.resolve() == target.resolve():
         raise MediaError(f"{target}: given the source itself, allowed: another file")
     order, timed = _presentation_order(source)
-    clock = media_info.frame_clock(source) if timed else np.arange(len(order)) / rate
-    pace = media_info.rate_of(clock, rate) / rate if timed else 1.0
-    even = len(clock) < 3 or bool(np.ptp(np.diff(clock)) < 1e-9)
+    clock = media_info.frame_clock(source) if timed else np.sort(order) / rate
     if len(clock) == len(order):  # else some are hidden, or cannot be decoded
-        unit = 1 / Fraction(rate).limit_denominator(1001) if even else TIME_UNIT_S
-        stamps = np.rint(order if even else clock[order] * pace / float(TIME_UNIT_S)).astype(int)
+        stamps, unit = order, 1 / Fraction(rate).limit_denominator(1001)
+        if len(clock) > 2 and np.ptp(np.diff(clock)) >= 1e-9:  # they come unevenly
+            pace, unit = media_info.rate_of(clock, rate) / rate, TIME_UNIT_S
+            stamps = np.rint(clock[order] * pace / float(unit)).astype(int)
         with contextlib.suppress(av.FFmpegError, ValueError):  # .mov does not hold VP8, for one
             whole_file(target, lambda part: _copy(source, part, stamps, unit))
-            return len(order)
-    if not even:
-        raise MediaError(
-            f"{source}: its frames come unevenly and cannot be copied into a .mov, allowed: "
-            f"the video as it is, with captured_hz: {rate:g} in the manifest"
-        )
-    frames = read_frames(source, clock=clock)
-    write_video(target, frames, rate, None, codec="h264", crf=0, packed_from=source.name)
-    return len(clock)
+            return
+    allowed = f"the video as it is, with captured_hz: {rate:g} in the manifest"
+    raise MediaError(f"{source}: its frames cannot be copied into a .mov, allowed: {allowed}")
 
 
 def _presentation_order(source: Path) -> tuple[IntArray, bool]:
     """Return the place of each packet among the frames shown, and whether it has a time stamp."""
     with open_media(source) as file:
-        packets = (
-            packet for packet in file.demux(media_info.video_track(file, source)) if packet.size
-        )
-        stamps = [np.nan if packet.pts is None else packet.pts for packet in packets]
+        film = media_info.video_track(file, source)
+        stamps = np.array([packet.pts for packet in file.demux(film) if packet.size], float)
         timed = file.format.name not in media_info.UNTIMED_FORMATS
     if timed and np.isfinite(stamps).all():
         return np.argsort(np.argsort(stamps)), True
@@ -429,10 +386,8 @@ def _copy(source: Path, target: Path, stamps: IntArray, unit: Fraction) -> None:
     ordered = np.sort(stamps)
     # A packet is decoded before it is shown, and packets are decoded in their order.
     decoded = ordered - int(np.max(ordered - stamps))
-    with (
-        open_media(source) as file,
-        av.open(media_info.file_address(target), "w", format="mov") as new,
-    ):
+    address = media_info.file_address(target)
+    with open_media(source) as file, av.open(address, "w") as new:
         stream = media_info.video_track(file, source)
         track = new.add_stream_from_template(stream)
         new.metadata["title"] = media_info.PACKED_FROM + source.name

@@ -26,10 +26,8 @@ _CAPTURE_RATE = re.compile(r"captur\w*[._ -]?(fps|frame[._ -]?rate)", re.IGNOREC
 _SONY_RATE = re.compile(rb'capture[Ff]ps="([0-9.]+)[pi]?"')  # in XML at the file's end
 PACKED_FROM = "packed from "  # begin of the title of a packed video; its film's name follows
 SONY_BYTES = 1 << 16  # bytes at either end of a file that are searched for it
-# Formats that FFmpeg opens and that hold no recording themselves, by its names for them
-NOT_RECORDINGS = {"tty": "a text"} | dict.fromkeys(
-    ("concat", "dash", "hls", "imf"), "a list of other files"
-)
+# Texts and lists of other files, which FFmpeg opens, by its names for them
+NOT_RECORDINGS = {"tty", "concat", "dash", "hls", "imf"}
 
 
 class MediaError(ValueError):
@@ -44,21 +42,23 @@ class VideoInfo:
     frame_rate: float  #: Mean frame rate in Hz
     frames: int | None  #: Number of frames, None if the file does not say
     duration: float | None  #: Length of the video track in s, None if the file does not say
-    #: When the sound ends after the first frame, s, None if the file does not say
-    sound_end: float | None
-    codec: str  #: Name of the video codec
+    sound_end: float | None  #: End of the sound after the first frame, s, None if not said
     has_audio: bool  #: Whether there is an audio track
-    #: Whether even and odd lines of a frame were taken at different times
-    interlaced: bool
+    interlaced: bool  #: Whether even and odd lines of a frame were taken at different times
     start: float  #: Time of the first frame that can be decoded, by the file's clock, s
     depth: int  #: Bits that hold the grey levels
     captured_hz: float | None  #: Rate in Hz at which the file says it was taken
-    remarks: tuple[str, ...]  #: What a user should know of how it is read, one sentence each
 
 
 def file_address(path: Path) -> str:
     """Return the address of a file for FFmpeg, which takes `12:30:05.mkv` for a protocol `12`."""
     return f"file:{path.absolute()}"
+
+
+def check_is_file(path: Path) -> None:
+    """Refuse a path at which there is no file."""
+    if not path.is_file():
+        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
 
 
 @contextmanager
@@ -67,8 +67,7 @@ def open_media(path: Path) -> Iterator[InputContainer]:
 
     A :class:`MediaError` is raised if there is no such file, or it is no recording.
     """
-    if not path.is_file():
-        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
+    check_is_file(path)
     options = {"protocol_whitelist": "file", "pattern_type": "none"}  # a % in a name is a %
     try:
         file = av.open(file_address(path), options=options)
@@ -76,7 +75,7 @@ def open_media(path: Path) -> Iterator[InputContainer]:
         raise MediaError(f"{path}: not a video, or cut off before its index") from None
     with file:
         if file.format.name in NOT_RECORDINGS:
-            raise MediaError(f"{path}: {NOT_RECORDINGS[file.format.name]}, not a recording")
+            raise MediaError(f"{path}: a text or a list of other files, not a recording")
         yield file
 
 
@@ -87,14 +86,12 @@ def video_track(file: InputContainer, path: Path) -> av.VideoStream:
     pixels is taken, of equal ones the first. A :class:`MediaError` is raised if there is none.
     """
     still = Disposition.attached_pic | Disposition.timed_thumbnails
-    films = [track for track in file.streams.video if not track.disposition & still]
+    tracks = [track for track in file.streams.video if not track.disposition & still]
+    films = [track for track in tracks if track.codec_context is not None]  # as an SVG's is
     if len(films) > 1:
         films = [film for film in films if _has_frames(path, film.index)] or films
     if not films:
-        raise MediaError(f"{path}: no video track")
-    films = [film for film in films if film.codec_context is not None]
-    if not films:  # an SVG, for one
-        raise MediaError(f"{path}: no decoder for its video track")
+        raise MediaError(f"{path}: no video track that can be decoded")
     stream = max(films, key=lambda film: film.width * film.height)
     stream.thread_type = "AUTO"
     return stream
@@ -104,10 +101,9 @@ def _has_frames(path: Path, index: int) -> bool:
     """Return whether a track has two frames or more."""
     with open_media(path) as file:
         packets = (packet for packet in file.demux(file.streams[index]) if packet.size)
-        try:
+        with suppress(av.FFmpegError, OSError):
             return len(list(islice(packets, 2))) == 2
-        except (av.FFmpegError, OSError):
-            return False
+    return False
 
 
 def decode_frames(
@@ -121,15 +117,12 @@ def decode_frames(
     count, packets = 0, file.demux(stream)
     while True:
         try:
-            packet = next(packets, None)
-            if packet is None:
-                return
-            frames = packet.decode()
+            frames = next(packets).decode()
+        except StopIteration:
+            return
         except (av.FFmpegError, OSError):
             if count:
-                raise MediaError(
-                    f"{path}: damaged, cannot be decoded from frame {count} on"
-                ) from None
+                raise MediaError(f"{path}: damaged from frame {count} on") from None
             continue
         for frame in frames:
             if not frame.is_corrupt:
@@ -180,10 +173,8 @@ def probe_media(path: Path) -> VideoInfo:
     A :class:`MediaError` is raised if there is no such file, or it is not a video with a frame that
     can be decoded.
     """
-    try:
-        now = path.stat()
-    except (OSError, ValueError):
-        raise MediaError(f"{path}: no such file") from None
+    check_is_file(path)
+    now = path.stat()
     return _probe(path, (now.st_ino, now.st_size, now.st_mtime_ns))
 
 
@@ -206,77 +197,50 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         if duration is not None:
             counts.append(round(duration * rate))
         sound = file.streams.audio[0] if file.streams.audio else None
-        depth = stored_depth = max((part.bits for part in first.format.components), default=8)
-        if stored_depth == 16:
-            depth = _depth_of(path)
-        size = (video.width, video.height)
-        size = size[::-1] if orientation_of(first)[0] else size
-        name, tracks, remarks = path.name, file.streams.video, []
-        if len(tracks) > 1:
-            remarks.append(
-                f"{name} has {len(tracks)} video tracks; number {1 + tracks.index(video)}, "
-                f"{size[0]} × {size[1]} px, is the one that is used."
-            )
-        if cut:
-            remarks.append(
-                f"{name} was cut before a key frame: what comes before it cannot be decoded and "
-                "is left out."
-            )
-        if depth < stored_depth:
-            remarks.append(
-                f"{name} stores grey levels of {depth} bits in {stored_depth}: 2^{depth} − 1 is "
-                "read as full scale."
-            )
+        depth = max((part.bits for part in first.format.components), default=8)
+        size = video.width, video.height
         return VideoInfo(
-            size=size,
+            size=size[::-1] if orientation_of(first)[0] else size,
             frame_rate=float(rate),
             frames=min(counts, default=None),  # an edit list may hide stored frames
             duration=duration,
             sound_end=None if sound is None else _end_of(sound, start),
-            codec=video.codec_context.name,
             has_audio=sound is not None,
             interlaced=first.interlaced_frame,
             start=start,
-            depth=depth,
+            depth=_depth_of(path) if depth == 16 else depth,
             captured_hz=_capture_rate(file, video, path),
-            remarks=tuple(remarks),
         )
 
 
 def source_of_packed(path: Path) -> str | None:
     """Return the name of the film that ``thesis convert`` made a .mov of, None of another file."""
-    if path.suffix.lower() != ".mov":
-        return None
-    try:
-        with open_media(path) as file:
+    if path.suffix.lower() == ".mov":
+        with suppress(MediaError), open_media(path) as file:
             title = file.metadata.get("title", "")
-    except MediaError:
-        return None
-    return title.removeprefix(PACKED_FROM) if title.startswith(PACKED_FROM) else None
+            return title.removeprefix(PACKED_FROM) if title.startswith(PACKED_FROM) else None
+    return None
 
 
 def start_of_film(path: Path) -> float | None:
     """Return when the first frame of a file is shown, by its own clock, s; None without frames."""
-    try:
+    with suppress(MediaError):  # a sound file, a cover alone, or frames that cannot be decoded
         return probe_media(path).start
-    except MediaError:  # a sound file, a cover alone, or frames that cannot be decoded
-        return None
+    return None
 
 
 def _depth_of(path: Path) -> int:
     """Return how many of 16 bits the grey levels of a film use, from frames all over it."""
     brightest = 0
-    with open_media(path) as file:
+    unread = MediaError, av.FFmpegError, OSError  # which is reported when the frames are read
+    with open_media(path) as file, suppress(*unread):
         stream = video_track(file, path)
         span = file.duration or 0  # in FFmpeg's unit, as seek takes it
         for place in range(SAMPLED_PLACES if span else 1):
-            try:
-                if place:
-                    file.seek((file.start_time or 0) + place * span // SAMPLED_PLACES)
-                for frame in islice(decode_frames(file, stream, path), SAMPLED_FRAMES):
-                    brightest = max(brightest, int(frame.to_ndarray(format="gray16le").max()))
-            except (MediaError, av.FFmpegError, OSError):
-                break  # reported when the frames are read
+            if place:
+                file.seek((file.start_time or 0) + place * span // SAMPLED_PLACES)
+            for frame in islice(decode_frames(file, stream, path), SAMPLED_FRAMES):
+                brightest = max(brightest, int(frame.to_ndarray(format="gray16le").max()))
     return depth_for(brightest)
 
 
@@ -296,12 +260,8 @@ def _capture_rate(file: InputContainer, stream: av.VideoStream, path: Path) -> f
 
     Android writes it beside the tracks, Sony's cameras into XML at the end of the file.
     """
-    texts = [
-        text
-        for source in (stream.metadata, file.metadata)
-        for name, text in source.items()
-        if _CAPTURE_RATE.search(name)
-    ]
+    stated = file.metadata | stream.metadata
+    texts = [text for name, text in stated.items() if _CAPTURE_RATE.search(name)]
     with path.open("rb") as data:
         ends = data.read(SONY_BYTES)
         data.seek(max(0, path.stat().st_size - SONY_BYTES))
@@ -318,11 +278,29 @@ def frame_clock(path: Path) -> Array:
     """Return when frames were taken after the first, (frames,), s, by the video's clock.
 
     Time stamps that agree with the rate which the file states, to within their rounding, are those
-    of a constant rate; others count as they stand. A :class:`MediaError` is raised as by
-    :func:`frame_times`, or if two frames have one time.
+    of a constant rate; others count as they stand. Nothing but the first frame is decoded. A
+    :class:`MediaError` is raised if there are no time stamps, or if two frames have one time.
     """
-    times = frame_times(path)
-    even = np.arange(len(times)) / probe_media(path).frame_rate
+    info = probe_media(path)
+    with open_media(path) as file:
+        stream, untimed = video_track(file, path), file.format.name in UNTIMED_FORMATS
+        found: list[float] = []
+        try:
+            for packet in file.demux(stream):
+                if packet.size and not packet.is_discard:
+                    stamp = packet.dts if untimed or packet.pts is None else packet.pts
+                    if stamp is None or packet.time_base is None:
+                        advice = f"thesis convert {shlex.quote(str(path))} --rate-hz RATE"
+                        raise MediaError(f"{path}: its frames have no time stamps; {advice}")
+                    found.append(float(stamp * packet.time_base))
+        except (av.FFmpegError, OSError):
+            raise MediaError(f"{path}: damaged after frame {len(found)}") from None
+    times = np.sort(found)
+    times = times[times > (-np.inf if untimed else info.start) - 1e-6]  # else not decoded
+    if not len(times):
+        raise MediaError(f"{path}: no frames")
+    times = np.asarray(times - times[0])
+    even = np.arange(len(times)) / info.frame_rate
     if np.abs(times - even).max() <= MAX_TIMESTAMP_ROUNDING_S:
         return even
     slope, offset = np.polyfit(np.arange(len(times)), times, 1)
@@ -332,34 +310,6 @@ def frame_clock(path: Path) -> Array:
     for k in np.flatnonzero(np.diff(times) <= 0):
         raise MediaError(f"{path}: frames {k} and {k + 1} have the same time stamp")
     return times
-
-
-def frame_times(path: Path) -> Array:
-    """Return presentation times of all frames after the first, shape (frames,), s; decodes nothing.
-
-    Matroska rounds them to 1 ms. A :class:`MediaError` is raised if there are none.
-    """
-    with open_media(path) as file:
-        stream, untimed = video_track(file, path), file.format.name in UNTIMED_FORMATS
-        times: list[float] = []
-        try:
-            for packet in file.demux(stream):
-                if packet.size and not packet.is_discard:
-                    stamp = packet.dts if untimed or packet.pts is None else packet.pts
-                    if stamp is None or packet.time_base is None:
-                        raise MediaError(
-                            f"{path}: its frames have no time stamps; give them a rate: "
-                            f"thesis convert {shlex.quote(str(path))} --rate-hz RATE"
-                        )
-                    times.append(float(stamp * packet.time_base))
-        except (av.FFmpegError, OSError):
-            raise MediaError(f"{path}: damaged after frame {len(times)}") from None
-    start = -np.inf if untimed else probe_media(path).start
-    ordered = np.sort(times)
-    ordered = ordered[ordered > start - 1e-6]  # those before cannot be decoded
-    if not len(ordered):
-        raise MediaError(f"{path}: no frames")
-    return np.asarray(ordered - ordered[0])
 
 
 def rate_of(clock: Array, nominal: float) -> float:

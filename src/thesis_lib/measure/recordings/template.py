@@ -8,6 +8,7 @@ import shlex
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,6 @@ from thesis_lib.measure.recordings.media_info import MediaError, probe_media, ra
 from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.studies.fields import describe_field
 from thesis_lib.templates import join_words
-from thesis_lib.text import has_hidden
 from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
 
 MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = 3, 12  # by each camera
@@ -61,29 +61,26 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         raise ManifestError(f"{path}: is there already, allowed: a folder without one")
     videos, passed = _find_videos(folder)
     if not 2 <= len(videos) <= 16:
-        others = f" ({'; '.join(passed)})" if passed else ""
-        raise ManifestError(
-            f"{folder}: {len(videos)} videos, allowed: 2 to 16{others}; to plan before "
-            "recording: -p cameras=4"
-        )
-    manifest = manifests.validate_manifest(_values(folder, videos, given))
-    asked = list_asked(manifest)
-    if not any(is_slowed(probe_media(video)) for video in videos):
-        asked = (*asked, "cameras.captured_hz")
+        allowed = "; ".join(["2 to 16", *passed, "to plan before recording: -p cameras=4"])
+        raise ManifestError(f"{folder}: {len(videos)} videos, allowed: {allowed}")
+    manifest = manifests.validate_manifest(_values(folder, videos, given), str(folder))
+    slowed = any(is_slowed(probe_media(video)) for video in videos)
+    assumed = find_assumed(manifest, given, (*ASKED_FIELDS, *["cameras.captured_hz"][slowed:]))
     told = [*_describe_found(manifest, folder), *passed]
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.markers.hole_mm is None and lacking:  # which tells the ends apart
         told.append(format_new("corners", names=join_words(lacking), page=folder / PAGE_NAME))
     with staging(folder) as part:
         (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
-        (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
+        (part / path.name).write_text(text_of(manifest, assumed), encoding="utf-8")
         put_files(part, folder)
-    return path, [*told, *list_assumed(manifest, given, asked)]
+    return path, [*told, *list_assumed(manifest, assumed)]
 
 
-def list_asked(manifest: Manifest, among: Sequence[str] = ASKED_FIELDS) -> tuple[str, ...]:
-    """Return what no file shows of such a structure and board."""
-    return (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
+def find_assumed(manifest: Manifest, given: Mapping[str, Any], among: Sequence[str]) -> list[str]:
+    """Return the fields that no file shows of such a structure and board, and nobody gave."""
+    asked = (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
+    return [name for name in asked if not _is_given(name, given)]
 
 
 def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,19 +93,13 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
         name = video.stem.strip()[:MAX_NAME_CHARACTERS].strip() or f"camera {k + 1}"
         if any(name == camera["name"] for camera in cameras):
             name = f"{name[: MAX_NAME_CHARACTERS - 3].strip()} {k + 1}"
-        rate = rate_of(media_info.frame_clock(video), info.frame_rate)
-        cameras.append(
-            {
-                "name": name,
-                "video": video.name,
-                "width_px": info.size[0],
-                "height_px": info.size[1],
-                "frame_rate_hz": float(f"{rate:.8g}"),
-                "captured_hz": info.captured_hz if is_slowed(info) else None,
-                "exposure_s": exposure,
-                "board_images": _shots(folder, video.stem, [one.stem for one in videos]),
-            }
-        )
+        rate = float(f"{rate_of(media_info.frame_clock(video), info.frame_rate):.8g}")
+        size = {"width_px": info.size[0], "height_px": info.size[1]}
+        times: dict[str, Any] = {"frame_rate_hz": rate, "exposure_s": exposure}
+        if is_slowed(info):
+            times["captured_hz"] = info.captured_hz
+        images = _shots(folder, video.stem, [one.stem for one in videos])
+        cameras.append({"name": name, "video": video.name, "board_images": images} | size | times)
     values = with_given(cameras, given)
     reused = values.get("calibration")
     placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
@@ -132,9 +123,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
         for part in parts:
             inside = inside.setdefault(part, {})
             if not isinstance(inside, dict):
-                raise ManifestError(
-                    f"-p: {name} is inside what is given, too; allowed: one of them"
-                )
+                raise ManifestError(f"-p: {name} is inside what is given; allowed: one of them")
         inside[last] = value
     markers = values.get("structure", {}).get("markers", {})
     if isinstance(markers, dict) and "spacing_mm" in markers:  # as on the printed sheet
@@ -145,7 +134,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
 def _shots(folder: Path, name: str, names: Sequence[str]) -> str | list[str] | None:
     """Return the folder or pattern of a camera's calibration images; None if there are none.
 
-    It is a list where the pattern has those of another camera, too: of `cam-2` for `cam`.
+    It is a list where a pattern has those of another camera, too, as of `cam-2` for `cam`.
     """
     others = tuple(f"{one}-" for one in names if one.startswith(f"{name}-"))
     inside = sorted(one for one in folder.rglob("*") if one.is_dir() and not is_hidden(one))
@@ -156,11 +145,11 @@ def _shots(folder: Path, name: str, names: Sequence[str]) -> str | list[str] | N
         named = find_images(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
         own = [file for file in named if not file.name.startswith(others)]
         kinds = {file.suffix for file in own}
-        if len(own) < len(named) and len(own) >= MIN_BOARD_IMAGES:
-            return [file.relative_to(folder).as_posix() for file in own]
-        if len(kinds) == 1 and len(own) == len(named):
+        if len(kinds) == 1 and own == named:
             start = glob.escape((place.relative_to(folder) / f"{name}-").as_posix())
             return f"{start}*{kinds.pop()}"
+        if len(own) >= MIN_BOARD_IMAGES:
+            return [file.relative_to(folder).as_posix() for file in own]
     return None
 
 
@@ -171,14 +160,13 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
         info = probe_media(folder / camera.video)
         shots = [shot for shot in manifests.shot_paths(camera, folder) if shot]
         counts.append(len(shots))
-        seconds = "" if info.duration is None else f", {info.duration:.1f} s"
-        place = camera.board_images if isinstance(camera.board_images, str) else "a list"
-        images = f"; {len(shots)} board images in {place}"
-        yield (
-            f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
-            f"frames per second{seconds}{images if camera.board_images else ''}"
-        )
-        yield from info.remarks
+        found = f"{camera.video}: {info.size[0]} × {info.size[1]} px, "
+        found += f"{camera.frame_rate_hz:.8g} frames per second"
+        if info.duration is not None:
+            found += f", {info.duration:.1f} s"
+        if shots:
+            found += f"; {len(shots)} board images in {shots[0].parent}"
+        yield found
         if is_slowed(info):
             rates = {"rate": camera.frame_rate_hz, "taken": info.captured_hz}
             yield format_new("slow-motion", video=camera.video, **rates)
@@ -195,18 +183,15 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
             yield f"{format_new('file', file=file)} {folder}"
 
 
-def list_assumed(
-    manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]
-) -> Iterator[str]:
-    """Yield what no file shows and was not given, with what stands for it."""
-    for name in asked:
-        if not _is_given(name, given):
-            value: Any = manifest
-            for part in name.split("."):
-                value = getattr(value, part)
-                value = value[0] if part == "cameras" else value
-            text = value if isinstance(value, str) else json.dumps(value)
-            yield format_new("assumed", name=name, value=shlex.quote(text))
+def list_assumed(manifest: Manifest, assumed: Sequence[str]) -> Iterator[str]:
+    """Yield the fields that are assumed, with what stands for each."""
+    for name in assumed:
+        value: Any = manifest
+        for part in name.split("."):
+            value = getattr(value, part)
+            value = value[0] if part == "cameras" else value
+        text = value if isinstance(value, str) else json.dumps(value)
+        yield format_new("assumed", name=name, value=shlex.quote(text))
 
 
 def _is_given(name: str, given: Mapping[str, Any]) -> bool:
@@ -214,24 +199,22 @@ def _is_given(name: str, given: Mapping[str, Any]) -> bool:
     return any(name == one or name.startswith(f"{one}.") for one in given)
 
 
-def text_of(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) -> str:
-    """Return the manifest as commented YAML; what must be checked is marked."""
-    if manifest.structure.markers.hole_mm is None:
-        asked = (*asked, "cameras.corners_px")
+def text_of(manifest: Manifest, assumed: Sequence[str]) -> str:
+    """Return the manifest as commented YAML; what is assumed is marked."""
+    if manifest.structure.markers.hole_mm is None and manifest.cameras[0].corners_px is None:
+        assumed = (*assumed, "cameras.corners_px")
     lines = [
         "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them.",
-        *_fields(manifest, "", -2, asked, given),
+        *_fields(manifest, "", -2, assumed),
         "cameras:",
     ]
     for camera in manifest.cameras:
-        first, *more = _fields(camera, "cameras", 2, asked, given)
+        first, *more = _fields(camera, "cameras", 2, assumed)
         lines += [f"  - {first.lstrip()}", *more]
     return "\n".join(lines) + "\n"
 
 
-def _fields(
-    part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
-) -> Iterator[str]:
+def _fields(part: BaseModel, path: str, indent: int, assumed: Sequence[str]) -> Iterator[str]:
     """Yield a line for each field, with its meaning; those that may be left out are left out."""
     space = " " * (indent + 2)
     for name in type(part).model_fields:
@@ -239,20 +222,18 @@ def _fields(
         if place == "cameras":  # come last, one by one
             continue
         if isinstance(value, BaseModel):
-            if lines := [*_fields(value, place, indent + 2, asked, given)]:
+            if lines := [*_fields(value, place, indent + 2, assumed)]:
                 yield f"{space}{name}:"
                 yield from lines
-        elif value is not None or place in asked or _is_given(place, given):
-            check = "CHECK: " if place in asked and not _is_given(place, given) else ""
+        elif value is not None or place in assumed or name in part.model_fields_set:
+            check = "CHECK: " if place in assumed else ""
             text = json.dumps(part.model_dump(mode="json")[name], ensure_ascii=False)
             if isinstance(value, float):  # YAML takes JSON's 5e-05 for text
                 text = yaml.safe_dump(value).splitlines()[0]
             yield f"{space}{name}: {text}  # {check}{describe_field(type(part), name)}"
 
 
-VIDEO_ENDINGS = frozenset(_LISTS["video_endings"])
-RAW_ENDINGS = frozenset(_LISTS["raw_endings"])
-OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | frozenset(_LISTS["other_endings"])
+OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | {*_LISTS["other_endings"]}
 MAX_NAME_CHARACTERS = 40  # characters of a camera's name
 _CHAPTER_PATTERN = re.compile(r"(?:G[HXLS]\d\d|GOPR|GP\d\d)(\d{4})", re.I)  # film's number
 
@@ -267,55 +248,39 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
         ending = file.suffix.lower()
         if is_hidden(file) or ending in OTHER_ENDINGS or not file.is_file():
             continue
-        if ending in RAW_ENDINGS:
+        if ending in _LISTS["raw_endings"]:
             lines.append(format_new("raw", name=file.name, path=shlex.quote(str(file))))
-        elif ending in VIDEO_ENDINGS or _is_film(file):
+        elif ending in _LISTS["video_endings"] or _is_film(file):
             videos.append(file)
         else:
             lines.append(format_new("no-video", name=file.name))
-    names = {video.name for video in videos}
     packed = {media_info.source_of_packed(file): file.name for file in videos}
-    packed = {source: name for source, name in packed.items() if source in names}
-    lines += [f"passed over: {one}, since {packed[one]} was packed from it" for one in packed]
-    videos = [video for video in videos if video.name not in packed]
+    for source in [video for video in videos if video.name in packed]:
+        videos.remove(source)
+        lines.append(f"passed over: {source.name}, since {packed[source.name]} was packed from it")
     _check_names(folder, videos)
     return videos, lines
 
 
 def _is_film(file: Path) -> bool:
     """Return whether a file is a video of two frames or more."""
-    try:
-        return len(media_info.frame_times(file)) > 1
-    except MediaError:
-        return False
+    with suppress(MediaError):
+        return len(media_info.frame_clock(file)) > 1
+    return False
 
 
 def _check_names(folder: Path, videos: Sequence[Path]) -> None:
     """Refuse videos whose names say that they are not of one camera each."""
-    stems: defaultdict[str, list[str]] = defaultdict(list)
-    films: defaultdict[str, list[str]] = defaultdict(list)
+    groups: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for video in videos:
-        if has_hidden(video.name):
-            raise ManifestError(
-                f"{folder}: the name {video.name!r}, allowed: characters that can be seen; rename"
-            )
-        stems[video.stem.casefold()].append(video.name)
+        why = "have one name, as one recording in two files has"
+        groups[why, video.stem.casefold()].append(video.name)
         if match := _CHAPTER_PATTERN.fullmatch(video.stem):
-            films[match[1]].append(video.name)
-    for names in stems.values():
+            groups["are chapters of one recording", match[1]].append(video.name)
+    for (why, _), names in groups.items():
         if len(names) > 1:
-            raise ManifestError(
-                f"{folder}: {' and '.join(names)} have one name, as one recording in two files "
-                "has, allowed: one video of each camera; move one of them to another folder, or "
-                "rename it if it is another camera's"
-            )
-    for names in films.values():
-        if len(names) > 1:
-            raise ManifestError(
-                f"{folder}: {', '.join(names)} are chapters of one recording of an action camera, "
-                "allowed: one video of each camera; join them, or move all but the one with rest "
-                "and vibration to another folder"
-            )
+            allowed = "one video of each camera; move the others, or rename another camera's"
+            raise ManifestError(f"{folder}: {', '.join(names)} {why}, allowed: {allowed}")
 
 
 PAGE_NAME = "corners.html"
@@ -333,16 +298,10 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
     for camera in manifest.cameras:
         image = next(read_frames(folder / camera.video, 0, 1))
         _, code = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        cameras.append(
-            {
-                "name": camera.name,
-                "size": image.shape[::-1],
-                "image": f"data:image/jpeg;base64,{base64.b64encode(code.tobytes()).decode()}",
-                "corners": camera.corners_px,
-            }
-        )
+        url = f"data:image/jpeg;base64,{base64.b64encode(code.tobytes()).decode()}"
+        shown = {"name": camera.name, "size": image.shape[::-1], "image": url}
+        cameras.append(shown | {"corners": camera.corners_px})
     state = {"cameras": cameras}
     form = static_html(join_modules("corners"), read_asset("corners.css"), state, NO_SCRIPT_TEXT)
-    return render_html(
-        "measure/recordings/templates/corners.html.j2", title="Corners of the structure", form=form
-    )
+    page = "measure/recordings/templates/corners.html.j2"
+    return render_html(page, title="Corners of the structure", form=form)

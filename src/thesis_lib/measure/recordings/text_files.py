@@ -12,6 +12,8 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -30,7 +32,8 @@ MAX_CHARACTERS = 10_000  # of a single value in YAML
 # Of TOML, which needs memory as the square of a name's parts: twenty in a row, a thousand quoted
 _LONG_NAME = re.compile(r"(?:\.[ \t]*+[\w-]++[ \t]*+){20}")
 _QUOTED_PART = re.compile(r"""["'][ \t]*+\.""")
-POWER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, which YAML 1.1 has as text
+_POWER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, a text to YAML 1.1
+POWER_RESOLVER = "tag:yaml.org,2002:float", _POWER_PATTERN, list("-+0123456789")
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # of a cell that a spreadsheet computes
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -63,7 +66,7 @@ class _Loader(_SafeLoader):  # type: ignore[misc]
 _Loader.add_constructor(
     "tag:yaml.org,2002:opencv-matrix", lambda own, node: own.construct_mapping(node, deep=True)
 )
-_Loader.add_implicit_resolver("tag:yaml.org,2002:float", POWER_PATTERN, list("-+0123456789"))
+_Loader.add_implicit_resolver(*POWER_RESOLVER)
 
 
 def _refusal(problem: str, at: Any) -> TextFileError:
@@ -98,17 +101,25 @@ def parse_yaml(text: str) -> Any:
         text = re.sub(r"\\(.)", lambda one: one[1] if one[1] == "'" else one[0], text)
     if text.startswith("%YAML:"):
         text = "#" + text
-    try:
+    with _parsing("a YAML text"):
         _check_yaml(text)
         return yaml.load(text, _Loader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f"line {mark.line + 1}: " if mark else ""
-        raise TextFileError(f"{where}{one_line(str(error.problem))}") from None
+
+
+@contextmanager
+def _parsing(kind: str) -> Iterator[None]:
+    """Refuse in one line what a parser, and what follows it, cannot read."""
+    try:
+        yield
     except TextFileError:
         raise
-    except (yaml.YAMLError, TypeError, AttributeError, LookupError, ValueError):
-        raise TextFileError("not a YAML text") from None
+    except yaml.MarkedYAMLError as error:
+        where = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise TextFileError(f"{where}{one_line(str(error.problem))}") from None
+    except (json.JSONDecodeError, tomllib.TOMLDecodeError, ElementTree.ParseError) as error:
+        raise TextFileError(f"not {kind}: {one_line(str(error), 120)}") from None
+    except (yaml.YAMLError, TypeError, AttributeError, LookupError, ValueError, RecursionError):
+        raise TextFileError(f"not {kind} that can be read") from None
 
 
 def _check_yaml(text: str) -> None:
@@ -131,47 +142,31 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Return the values of a TOML text."""
     if _LONG_NAME.search(text) or len(_QUOTED_PART.findall(text)) > 1000:
         raise TextFileError(f"a name of too many parts, allowed: {MAX_DEPTH}")
-    try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise TextFileError(f"not a TOML text: {one_line(str(error), 120)}") from None
-    except (ValueError, RecursionError):  # a number of thousands of digits, lists in lists
-        raise TextFileError("not a TOML text that can be read") from None
-    return _shallow(values)
+    with _parsing("a TOML text"):
+        return _shallow(tomllib.loads(text))
 
 
 def parse_json(text: str) -> Any:
     """Return the values of a JSON text."""
-    try:
+    with _parsing("a JSON text"):
         return _shallow(json.loads(text))
-    except json.JSONDecodeError as error:
-        raise TextFileError(f"line {error.lineno}: not a JSON text: {error.msg}") from None
-    except (ValueError, RecursionError):
-        raise TextFileError("not a JSON text that can be read") from None
 
 
 def parse_xml(text: str) -> ElementTree.Element:
     """Return the outermost element of an XML text; declared types and entities are refused."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise TextFileError("declares its own types (DOCTYPE), allowed: elements")
-    try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise TextFileError(f"not an XML text: {one_line(str(error))}") from None
-    level = [root]
-    for _ in range(MAX_DEPTH):
-        level = [inside for one in level for inside in one]
-    if level:
-        raise TextFileError(f"nested too deep, allowed: {MAX_DEPTH} levels")
-    return root
+    with _parsing("an XML text"):
+        return _shallow(ElementTree.fromstring(text))
 
 
 def _shallow(values: Any) -> Any:
+    """Return lists, objects or an element; refuse those that are nested too deep."""
     level = [values]
     for _ in range(MAX_DEPTH + 1):
-        inside = [one for one in level if isinstance(one, dict | list)]
+        inside = [one for one in level if isinstance(one, dict | list | ElementTree.Element)]
         level = [v for one in inside for v in (one.values() if isinstance(one, dict) else one)]
-    if any(isinstance(one, dict | list) for one in level):
+    if level:
         raise TextFileError(f"nested too deep, allowed: {MAX_DEPTH} levels")
     return values
 

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -59,105 +60,81 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
     return np.asarray(clock * (media_info.rate_of(clock, info.frame_rate) / camera.captured_hz))
 
 
-def check_excitation(manifest: Manifest) -> list[str]:
-    """Return what of the excitation these cameras cannot film, one line each; empty if nothing.
+def check_excitation(manifest: Manifest) -> Iterator[str]:
+    """Yield what of the excitation these cameras cannot film, one line each.
 
     Above half of the frame rate the motion is sampled too rarely, which is refused unless it is
     declared; and near multiples of that half it seems to stand still or to flip from frame to
     frame, from which its phase cannot be told.
     """
-    lines = []
-    slowest = min(camera.rate_hz for camera in manifest.cameras)
+    rates = [camera.rate_hz for camera in manifest.cameras]
     frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_duration_s
-    given = f"excitation.frequency_hz: given {frequency:.6g}, allowed" if frequency else ""
+    given = f"excitation.frequency_hz: given {frequency or 0:.6g}"
     if frequency is not None and manifest.excitation.undersampled:
-        for i, camera in enumerate(manifest.cameras):
-            half = camera.rate_hz / 2
+        for i, half in enumerate(rate / 2 for rate in rates):
             multiple = max(1, round(frequency / half)) * half
             if abs(frequency - multiple) < STANDS_STILL * half:
                 off = format_limit(STANDS_STILL * half, upper=False)
-                lines.append(
-                    f"{given}: at least {off} Hz from {multiple:.6g} Hz, a multiple of half the "
-                    f"frame rate of cameras[{i}]"
-                )
-                break
-    elif frequency is not None and frequency >= slowest / 2:
-        lines.append(f"{given}: below half of the frame rate, {slowest / 2:g} Hz")
-    if rest * slowest < 3 - 1e-9 and (rest or manifest.excitation.sound != "none"):
-        least = format_limit(3 / slowest, upper=False)
-        lines.append(
-            f"excitation.rest_duration_s: given {rest:.6g}, allowed: at least {least} s, three "
-            "frames"
-        )
-    return lines
+                why = f"{multiple:.6g} Hz, a multiple of half the frame rate of cameras[{i}]"
+                yield f"{given}, allowed: at least {off} Hz from {why}"
+    elif frequency is not None and frequency >= min(rates) / 2:
+        yield f"{given}, allowed: below half of the frame rate, {min(rates) / 2:g} Hz"
+    if rest * min(rates) < 3 - 1e-9 and (rest or manifest.excitation.sound != "none"):
+        least = f"at least {format_limit(3 / min(rates), upper=False)} s, three frames"
+        yield f"excitation.rest_duration_s: given {rest:.6g}, allowed: {least}"
 
 
-def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
-    """Return how recordings differ from what the manifest says, one line each.
+def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
+    """Yield how recordings differ from what the manifest says, one line each.
 
-    The excitation, the markers' places, every video's size, frame rate, length and sound, and the
-    size of every image of the board.
+    The excitation, the markers' places, every video's size, frame rate, length and sound, the size
+    of every image of the board, and the force.
     """
-    lines, rates = check_excitation(manifest), []
+    yield from check_excitation(manifest)
     places, marks = manifest.structure.marker_points, manifest.structure.markers
     if on_one_line(1000 * places, marks.diameter_mm):  # the plane must be known
         name = "points_mm" if marks.points_mm else "rows" if marks.rows == 1 else "columns"
         given = format_given(getattr(marks, name))
-        lines.append(
-            f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"
-        )
+        yield f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"
     for i, camera in enumerate(manifest.cameras):
-        path, says = folder / camera.video, "as the manifest says"
-        where = f"cameras[{i}].video: {path}"
+        path = folder / camera.video
         try:
-            info = media_info.probe_media(path)
-            if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
-                rates.append(
-                    f"{where}: {info.frame_rate:.6g} frames per second, allowed: "
-                    f"{camera.frame_rate_hz:.6g} {says}, as cameras[{i}].frame_rate_hz; slow "
-                    f"motion that plays slowly has the sensor's rate in cameras[{i}].captured_hz"
-                )
-            if info.size != camera.size:
-                lines.append(f"{where}: {_px(info.size)}, allowed: {_px(camera.size)} {says}")
-            lines += [f"{where}: {one}" for one in _check_video(camera, info, manifest.excitation)]
-            if manifest.excitation.sound != "none" and info.has_audio:
-                lines += [f"{where}: {line}" for line in _check_sound(path)]
+            for problem in _check_video(path, camera, manifest.excitation):
+                yield f"cameras[{i}].video: {path}: {problem}"
         except MediaError as error:
-            lines.append(f"cameras[{i}].video: {error}")
+            yield f"cameras[{i}].video: {error}"
         for shot in filter(None, shot_paths(camera, folder)):
-            where = f"cameras[{i}].board_images"
             try:
-                size = media.read_png(shot).shape[::-1]
-                if size != camera.size:
-                    lines.append(
-                        f"{where}: {shot}: {_px(size)}, allowed: {_px(camera.size)} {says}"
-                    )
+                for problem in _check_size(media.read_png(shot).shape[::-1], camera):
+                    yield f"cameras[{i}].board_images: {shot}: {problem}"
             except MediaError as error:
-                lines.append(f"{where}: {error}")
-    return rates + lines + _check_force(manifest, folder)
+                yield f"cameras[{i}].board_images: {error}"
+    yield from _check_force(manifest, folder)
 
 
-def _check_sound(path: Path, channel: int | None = None) -> list[str]:
-    """Return what a sound lacks; a gap or damage is raised."""
+def _check_sound(path: Path, channel: int | None = None) -> Iterator[str]:
+    """Yield what a sound lacks; a gap or damage is raised."""
     with audio.open_audio(path, channel) as sound:
-        return [sound.silence] if sound.silence else []
+        if sound.silence:
+            yield sound.silence
 
 
-def _check_force(manifest: Manifest, folder: Path) -> list[str]:
-    """Say what a recorded force lacks."""
-    if manifest.force is None:
-        return []
-    given, path = manifest.force, folder / manifest.force.file
+def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:
+    """Yield what a recorded force lacks."""
+    given = manifest.force
+    if given is None:
+        return
+    path = folder / given.file
     try:
         if given.is_table:
             force_table.read_force_table(path)
-            return []
-        lines = _check_sound(path, given.channel)
-        if given.sound_channel is not None and given.offset_s is None:
-            lines += _check_sound(path, given.sound_channel)
+            return
+        other = given.sound_channel if given.offset_s is None else None
+        for channel in filter(None, (given.channel, other)):
+            for problem in _check_sound(path, channel):
+                yield f"force.file: {path}: {problem}"
     except (MediaError, force_table.ForceError, OSError) as error:
-        return [f"force.file: {error}"]
-    return [f"force.file: {path}: {line}" for line in lines]
+        yield f"force.file: {error}"
 
 
 def is_slowed(info: VideoInfo) -> bool:
@@ -166,42 +143,36 @@ def is_slowed(info: VideoInfo) -> bool:
     return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
 
 
-def _check_video(camera: CameraFiles, info: VideoInfo, excitation: Excitation) -> Iterator[str]:
-    """Yield what is wrong with a film's rate, lines and stated lengths."""
+def _check_video(path: Path, camera: CameraFiles, excitation: Excitation) -> Iterator[str]:
+    """Yield what is wrong with a film's rate, size, lines, stated lengths and sound."""
+    info = media_info.probe_media(path)
     heard, rest = excitation.sound != "none", excitation.rest_duration_s
+    if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
+        rate = f"{info.frame_rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g}"
+        yield f"{rate}, its frame_rate_hz; slow motion has the sensor's rate in captured_hz"
+    yield from _check_size(info.size, camera)
     if is_slowed(info) and camera.captured_hz is None:
+        taken, plays = f"{info.captured_hz:.6g}", f"{info.frame_rate:.6g}"
         yield (
-            f"it says that it was taken at {info.captured_hz:.6g} frames per second, and plays at "
-            f"{info.frame_rate:.6g}; allowed: captured_hz: {info.captured_hz:.6g} in the manifest, "
-            f"or {info.frame_rate:.6g} if it plays at its true speed"
+            f"it says that it was taken at {taken} frames per second, and plays at {plays}; "
+            f"allowed: captured_hz: {taken} in the manifest, or {plays} if that is its true speed"
         )
     if camera.rate_hz != camera.frame_rate_hz and heard:
-        yield (
-            f"slow motion by captured_hz, {camera.captured_hz:.6g}, whose sound does not go with "
-            "its frames, allowed: excitation.sound: none"
-        )
+        why = f"slow motion by captured_hz, {camera.captured_hz:.6g}"
+        yield f"{why}, whose sound does not go with its frames, allowed: excitation.sound: none"
     if info.interlaced:
-        yield (
-            "interlaced, so that even and odd lines were taken at different times; allowed: "
-            "progressive (p, not i)"
-        )
+        yield "interlaced: odd lines were taken at other times, allowed: progressive (p, not i)"
     if heard and not info.has_audio:
-        yield (
-            "no audio track; it is needed to synchronise the cameras, but for a steady vibration "
-            "with excitation.sound: none"
-        )
-    if info.duration is None:
-        return
-    took = info.duration  # of slow motion less than it plays for
-    if camera.captured_hz is not None:
-        took *= info.frame_rate / camera.captured_hz
-    if took <= rest:
-        yield f"{took:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
-    if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > MAX_END_GAP_S:
-        yield (
-            f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
-            f"allowed: at most {MAX_END_GAP_S:g} s apart"
-        )
+        yield "no audio track, allowed: one, or a steady vibration with excitation.sound: none"
+    if info.duration is not None:  # slow motion took less time than it plays for
+        took = info.duration * info.frame_rate / (camera.captured_hz or info.frame_rate)
+        if took <= rest:
+            yield f"{took:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
+        if heard and abs((info.sound_end or info.duration) - info.duration) > MAX_END_GAP_S:
+            ends = f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s"
+            yield f"{ends}, allowed: at most {MAX_END_GAP_S:g} s apart"
+    if heard and info.has_audio:
+        yield from _check_sound(path)
 
 
 def on_one_line(points: Array, diameter: float) -> bool:
@@ -215,8 +186,10 @@ def on_one_line(points: Array, diameter: float) -> bool:
     return bool(across < (diameter / 4) ** 2)
 
 
-def _px(size: Sequence[int]) -> str:
-    return f"{size[0]} × {size[1]} px"
+def _check_size(size: Sequence[int], camera: CameraFiles) -> Iterator[str]:
+    (width, height), wanted = size, camera.size
+    if (width, height) != wanted:
+        yield f"{width} × {height} px, allowed: {wanted[0]} × {wanted[1]} px as the manifest says"
 
 
 SAMPLING_PX = 4  # px between the pixels of which frames are compared
@@ -226,7 +199,6 @@ MAX_RELATIVE_CHANGE = 0.02
 NEIGHBOUR_FRAMES = 12  # frames before and after, in both of which something must move
 MIN_MOTION = 0.25  # change of those over that of all frames, below which the structure rests
 MIN_SHARE, MIN_REPEATS = 0.03, 4  # repeats from which on they are reported
-MIN_REGULAR_SHARE = 0.8  # of the distances between repeats that are alike, of regular ones
 
 
 def note_changes(frames: Iterable[Image], steps: Array, across: Array) -> Iterator[Image]:
@@ -256,10 +228,8 @@ def find_repeats(steps: Array, across: Array) -> IntArray:
         return np.zeros(0, int)
     # The largest change in the frames up to each one, and in those from it on.
     window, half = NEIGHBOUR_FRAMES + 1, NEIGHBOUR_FRAMES // 2
-    before = scipy.ndimage.maximum_filter1d(steps, window, mode="constant", origin=half)
-    around = np.minimum(
-        before, scipy.ndimage.maximum_filter1d(steps, window, mode="constant", origin=-half)
-    )
+    largest = partial(scipy.ndimage.maximum_filter1d, steps, window, mode="constant")
+    around = np.minimum(largest(origin=half), largest(origin=-half))
     moving = around > max(MIN_MOTION * float(np.quantile(steps, 0.9)), 1e-9)
     same = moving & (steps <= MAX_RELATIVE_CHANGE * around)
     alone = ~np.roll(same, 1) & ~np.roll(same, -1)
@@ -270,26 +240,8 @@ def find_repeats(steps: Array, across: Array) -> IntArray:
 
 
 def describe_repeats(name: str, repeats: IntArray) -> str:
-    """Return what to say of frames that repeat, empty if none do.
-
-    Examples
-    --------
-    >>> describe_repeats("A", np.arange(4, 100, 5))
-    'every 5th frame of camera A repeats the one before.'
-    >>> describe_repeats("A", np.flatnonzero(np.arange(100) % 4))
-    'every frame of camera A is stored 4 times.'
-    """
+    """Return what to say of frames that repeat, empty if none do."""
     if not len(repeats):
         return ""
-    fresh = np.setdiff1d(np.arange(repeats[0] - 1, repeats[-1] + 2), repeats)
-    for numbers, text in (
-        (repeats, "every {step}{ending} frame of camera {name} repeats the one before."),
-        (fresh, "every frame of camera {name} is stored {step} times."),
-    ):
-        steps = np.diff(numbers)
-        step = int(np.median(steps)) if len(steps) else 0
-        if step > 1 and np.mean(steps == step) >= MIN_REGULAR_SHARE:
-            ending = {2: "nd", 3: "rd"}.get(step, "th")
-            return text.format(step=step, ending=ending, name=name)
     share = len(repeats) / (repeats[-1] - repeats[0] + 1)
     return f"{share:.0%} of the frames of camera {name} repeat the one before."
