@@ -276,8 +276,8 @@ def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def build_response(data: xr.Dataset, manifest: Manifest, calibration: str | None = None) -> Report:
-    """Return the part of a report on motion over a force; the whole with notes on the cameras.
+def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
+    """Return the report on motion over a force, or the part of one if modes are measured, too.
 
     It shows the drive point, and the markers that are surest and least sure.
     """
@@ -305,10 +305,9 @@ def build_response(data: xr.Dataset, manifest: Manifest, calibration: str | None
         markers=markers,
         roles={"drive": "nearest to the force", "surest": "surest", "least": "least sure"},
     )
-    if calibration is None:
+    if manifest.excitation.behaviour.result != "response":
         return part
-    known: dict[str, Any] = {"response": part, "calibration": calibration}
-    return _assemble("response.html.j2", data, manifest, summary, part.notes, {}, **known)
+    return _assemble("response.html.j2", data, manifest, summary, part.notes, {}, response=part)
 
 
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
