@@ -66,14 +66,19 @@ def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
 
 
 def in_plane(
-    fit: Fitted, omega: float, exposures: Array, places: Array, thickness: float
-) -> tuple[ComplexArray, Array]:
-    """Return motion in the plane that bending does not explain, and what the scatter lets it be.
+    fit: Fitted,
+    omega: float,
+    exposures: Array,
+    places: Array,
+    thickness: float,
+    counted: Mask | slice = slice(None),
+) -> tuple[ComplexArray, float]:
+    """Return motion in the plane that bending does not explain, and over what scatter explains.
 
     Markers are on the surface, half a thickness above the middle of a structure whose normal turns
     with the slope of its deflection: they move in the plane by that slope times a length, which is
-    fitted, and at most the thickness. The motion is along the structure's x and y; the deviations
-    are of each of its two parts, in phase and in quadrature. Both (2, markers), in m.
+    fitted, and at most the thickness. The motion is along the structure's x and y, (2, markers), in
+    m; the ratio is that of rms values over the markers that are counted, NaN where it is unknown.
     """
     u, v, w = harmonics.motion_amplitude(fit, omega, exposures)
     moved, seen = np.array([u, v]), np.isfinite(w)
@@ -89,16 +94,11 @@ def in_plane(
     if square:
         along = float(np.sum((slope.conj() * moved).real[:, known])) / square
         moved = moved - np.clip(along, -thickness, thickness) * np.nan_to_num(slope)
-    deviations = [harmonics.amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)]
-    return moved, np.array(deviations)
-
-
-def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
-    """Return rms in-plane motion over what scatter explains; NaN where unknown."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        squares = np.abs(moved) ** 2 / (2 * deviations**2)
-    known = squares[np.isfinite(squares)]
-    return float(np.sqrt(known.mean())) if known.size else np.nan
+    std = np.array([harmonics.amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)])
+    with np.errstate(invalid="ignore", divide="ignore"):  # std is that of each of two parts
+        squares = (np.abs(moved) ** 2 / (2 * std**2))[:, counted]
+    finite = squares[np.isfinite(squares)]
+    return moved, float(np.sqrt(finite.mean())) if finite.size else np.nan
 
 
 def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> tuple[Array, Array]:

@@ -15,6 +15,8 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.measure.fitting import reconstruction
 from thesis_lib.measure.recordings.board import Markers
+from thesis_lib.measure.recordings.manifest import Manifest
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole
 
@@ -299,6 +301,18 @@ def fit_tracks(
 def at_rest(own: Recording, seconds: float) -> Array:
     """Return the mean centres before the motion, without distortion, (2, markers), px."""
     return mean_of(own.read_tracks(own.delay, own.delay + seconds - 1 / own.rate)[1])
+
+
+def rest_of(
+    manifest: Manifest, recordings: Sequence[Recording], seconds: float
+) -> reconstruction.Rest:
+    """Return the markers at rest, by their mean places up to so many seconds."""
+    markers, cameras = markers_of(manifest), [own.camera for own in recordings]
+    still = np.array([at_rest(own, seconds) for own in recordings])
+    frame = reconstruction.check_frame(cameras, still, markers)
+    points, _ = reconstruction.triangulate_seen(pinhole.projection_matrices(cameras), still)
+    thickness = manifest.structure.thickness_mm / 1000
+    return reconstruction.Rest(still, frame, points, markers.centres, thickness)
 
 
 def row_delays(own: Recording, uv: Array) -> Array:

@@ -95,6 +95,17 @@ def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
     return Frame(R, a - R.T @ b, rms, scale, tilt)
 
 
+@dataclass(frozen=True)
+class Rest:
+    """The markers at rest."""
+
+    images: Array  #: Centres without distortion, px, shape (cameras, 2, markers)
+    frame: Frame  #: The structure's
+    points: Array  #: In the calibration's frame, m, shape (3, markers)
+    places: Array  #: On the structure, m, shape (2, markers)
+    thickness: float = 0.0  #: Of the structure, m
+
+
 # One instant.
 
 
@@ -183,8 +194,8 @@ def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
 def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
     """Return the structure's frame from undistorted markers at rest, (cameras, 2, markers).
 
-    Those on one line are refused; and those that do not fit their places, with the camera that fits
-    worst.
+    Refuse those on one line, those that do not fit their places, with the camera that fits worst,
+    and those that all cameras see from behind.
     """
     points, seen = triangulate_seen(projection_matrices(cameras), rest)
     if np.count_nonzero(seen >= 2) < 3:
@@ -199,7 +210,13 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
     frame = fit_grid(points, markers.world[:, : markers.count])
     most = GRID_SHARE * float(markers.nearest.min())
     if frame.rms <= most and abs(frame.scale - 1) <= GRID_SCALE:
-        return frame
+        if np.any(frame.to_beam(np.array([c.centre for c in cameras]).T)[2] >= 0):
+            return frame
+        raise ChainError(
+            "every camera would be below the structure: corners_px run the wrong way round in all "
+            "of them, as in a mirror; allowed: (0, 0), (length, 0), (length, width), (0, width), "
+            "with x and y as the markers' places have them"
+        )
     off = misfit_at_rest(cameras, rest)
     worst = int(np.nanargmax(off))
     who = f"camera {cameras[worst].name} fits worst, by {off[worst]:.1f} px: "
@@ -212,14 +229,3 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
         "videos and board images those of the same cameras, and tile and spacings as the "
         "manifest says?"
     )
-
-
-def check_sides(frame: Frame, cameras: Sequence[Camera]) -> None:
-    """Refuse markers that all cameras see from behind: corners_px run the wrong way round."""
-    heights = frame.to_beam(np.array([c.centre for c in cameras]).T)[2]
-    if np.all(heights < 0):
-        raise ChainError(
-            "every camera would be below the structure: corners_px run the wrong way round in all "
-            "of them, as in a mirror; allowed: (0, 0), (length, 0), (length, width), (0, width), "
-            "with x and y as the markers' places have them"
-        )

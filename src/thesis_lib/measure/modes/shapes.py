@@ -21,9 +21,9 @@ import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import harmonics
-from thesis_lib.measure.fitting.errors import in_plane, in_plane_excess, restore_scatter
+from thesis_lib.measure.fitting.errors import in_plane, restore_scatter
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
-from thesis_lib.measure.fitting.reconstruction import Frame
+from thesis_lib.measure.fitting.reconstruction import Rest
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
@@ -127,17 +127,6 @@ MAX_ERROR_RATIO = 8.0
 
 
 @dataclass(frozen=True)
-class Rest:
-    """The markers at rest."""
-
-    images: Array  #: Centres without distortion, px, shape (cameras, 2, markers)
-    frame: Frame  #: The structure's
-    points: Array  #: In the calibration's frame, m, shape (3, markers)
-    places: Array  #: On the structure, m, shape (2, markers)
-    thickness: float = 0.0  #: Of the structure, m
-
-
-@dataclass(frozen=True)
 class Shape:
     """One mode's shape."""
 
@@ -202,8 +191,7 @@ def estimate_shapes(
             for one, images_at in zip(seen, images, strict=True)
         ]
         fit = harmonics.Fitted(cameras, own, rest.images, rest.frame)
-        moved, allowed = in_plane(fit, omega, still, rest.places, rest.thickness)
-        more = in_plane_excess(moved, allowed)
+        _, more = in_plane(fit, omega, still, rest.places, rest.thickness)
         error = harmonics.amplitude_std(fit, omega, still) * max(np.nan_to_num(more), 1.0)
         turn, turn_error = phase_lags(fit, omega, still)
         along = harmonics.deflection_amplitude(fit, omega, still)

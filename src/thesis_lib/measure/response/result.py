@@ -27,7 +27,7 @@ import scipy
 import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.modes.identify import rest_of
+from thesis_lib.measure.fitting.harmonics import rest_of
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.response import signals
@@ -173,7 +173,7 @@ def estimate_response(
     """
     given, excitation = manifest.force, manifest.excitation
     assert given is not None
-    rest = rest_of(manifest, recordings)
+    rest = rest_of(manifest, recordings, excitation.rest_duration_s)
     rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
     sought = excitation.modes
     most = min(sought.to_hz or np.inf, signals.MAX_REPORTED_RATIO * slowest)

@@ -28,7 +28,7 @@ import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import frequency as clocks, harmonics, reconstruction
-from thesis_lib.measure.modes.shapes import Rest
+from thesis_lib.measure.fitting.reconstruction import Rest
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Force, Sweep
