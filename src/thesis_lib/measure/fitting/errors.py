@@ -22,7 +22,7 @@ import xarray as xr
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.calibration.bundle_adjustment import step_network, without_boards
 from thesis_lib.measure.fitting import harmonics, reconstruction
-from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series
+from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series, sum_spectra
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
@@ -165,11 +165,7 @@ def explained_share(
         values = np.nan_to_num(values)
         total += float(np.sum((values - values.mean(axis=0)) ** 2)) / len(times)
         left += float(np.sum(rest**2)) / len(times)
-        step = (times[-1] - times[0]) / (len(times) - 1)
-        n = 1 << int(np.ceil(np.log2(8 * len(times))))
-        lines = (np.abs(np.fft.rfft(one, n)) ** 2 for one in rest.T)  # one at a time, for memory
-        spectrum = sum(lines) / len(times) ** 2
-        power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum)
+        power += sum_spectra(grid, times, rest, len(times) ** 2)
         counted = max(counted, len(times))
     if not total or not len(grid):
         return found
