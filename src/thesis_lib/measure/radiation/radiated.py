@@ -175,39 +175,31 @@ DECIBELS_PER_NEPER = 10 / np.log(10)
 VARIABLES = read_variables(__file__, "sound")
 
 
-@dataclass(frozen=True)
-class Tone:
-    """A vibration of one frequency, at one moment if it decays."""
-
-    omega: float  #: In rad/s
-    decay: float = 0.0  #: Rate α in 1/s, e^(−αt)
-    decay_error: float = 0.0  #: Its standard error
-    #: Relative standard error of the amplitudes that comes with it: a faster decay began larger
-    size_error: float = 0.0
-
-
 def radiate_sound(
     surface: surfaces.Surface,
     between: Between,
-    tones: Sequence[Tone],
+    omegas: Sequence[float],
     shapes: estimates.Amplitudes,
     points: Array,
     planes: Sequence[Plane],
     medium: radiation.Medium,
+    decays: Array | None = None,
 ) -> xr.Dataset:
-    """Compute the sound that a surface radiates at some frequencies.
+    """Compute the sound that a surface radiates at some frequencies in rad/s.
 
     Shapes are of the markers in m, one tone after the other, with what errors they have in common;
     `between` tells how the surface's nodes move by them. The pressure is wanted at points (3, n) in
-    m from the surface's centre, the field in planes that are all of one size. The result has
-    :data:`VARIABLES`, those of a decay if there is one.
+    m from the surface's centre, the field in planes that are all of one size. Tones that decay have
+    rates α in 1/s, e^(−αt), their standard errors, and the relative ones of amplitudes that come
+    with these, for a faster decay began larger: (3, tones). The result has :data:`VARIABLES`, those
+    of a decay if there is one.
     """
-    n, B = len(shapes.value) // len(tones), between.moving
-    places = np.arange(len(tones) * n).reshape(-1, n)
+    n, B = len(shapes.value) // len(omegas), between.moving
+    places = np.arange(len(omegas) * n).reshape(-1, n)
     shown = (len(planes), *planes[0].shape)
     ways, rows, told = [], [], []
-    for tone, place in zip(tones, places, strict=True):
-        shape, omega = shapes.part(place), tone.omega
+    for omega, place in zip(omegas, places, strict=True):
+        shape = shapes.part(place)
         form = surface.power_form(B, omega, medium)
         found = estimates.estimate_quadratic_form(form, shape)
         power = estimates.widen_error(found, surface.sum_std)
@@ -248,8 +240,8 @@ def radiate_sound(
             }
         )
     values: dict[str, Any] = {name: np.array([one[name] for one in told]) for name in told[0]}
-    if any(tone.decay for tone in tones):
-        values |= _of_decays(tones, values["power"], values["power_error"])
+    if decays is not None:
+        values |= _of_decays(decays, values["power"], values["power_error"])
     bands = group_octaves(values["frequency"])
     within = [shapes.part(places[band].ravel()) for band in bands.values()]
     values |= _of_bands([*bands.values()], within, ways, rows, surface.sum_std)
@@ -259,17 +251,17 @@ def radiate_sound(
     return data.set_coords(["frequency", "place", "u", "z"])
 
 
-def _of_decays(tones: Sequence[Tone], power: Array, error: Array) -> dict[str, Array]:
+def _of_decays(decays: Array, power: Array, error: Array) -> dict[str, Array]:
     """Return the energies W / 2α. An error of α that made W too large makes the time too short.
 
     NaN of a mode that does not seem to die away.
     """
-    every, wrong, size = np.array([(t.decay, t.decay_error, t.size_error) for t in tones]).T
-    alpha = np.where(every > 0, every, np.nan)
+    decay, wrong, size = decays
+    alpha = np.where(decay > 0, decay, np.nan)
     energy = power / (2 * alpha)
     square = (error / power) ** 2 - (2 * size) ** 2 + (2 * size - wrong / alpha) ** 2
     return {
-        "decay": every,
+        "decay": decay,
         "energy": energy,
         "energy_error": np.abs(energy) * np.sqrt(np.maximum(square, 0)),
     }
