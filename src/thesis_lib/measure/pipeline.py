@@ -216,7 +216,7 @@ def measure_motion(
     with _results_folder(out, say, report, inputs if alone else None) as part:
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, data)
-    return report if alone else report.join(measure_modes(manifest, inputs, out, say, report))
+    return report if alone else measure_modes(manifest, inputs, out, say, report)
 
 
 def measure_modes(
@@ -271,6 +271,8 @@ def _results_folder(
         if radiated is not None:
             write_sound(part, radiated)
         put_files(part, out)
+    if inputs is None:
+        return
     for line in [*report.summary, *(f"note: {text} [{code}]" for code, text in report.notes)]:
         say(line)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -91,11 +91,6 @@ class Report:
     notes: list[Note]  #: What a reader should know before trusting it
     pictures: Mapping[str, html.Picture]
 
-    def join(self, later: Report) -> Report:
-        """Return the later report, with what was found and noted in this part of it, too."""
-        summary, notes = self.summary + later.summary, self.notes + later.notes
-        return replace(later, summary=summary, notes=notes)
-
     def write(self, folder: Path) -> None:
         """Write ``report.html`` and the folder ``figures`` into a folder."""
         html.write_pictures(folder, self.pictures.items())
@@ -108,13 +103,15 @@ def _assemble(
     manifest: Manifest,
     summary: list[str],
     notes: list[Note],
-    pictures: dict[str, html.Picture],
-    sound: Report | None = None,
-    response: Report | None = None,
+    pictures: Mapping[str, html.Picture],
+    parts: Mapping[str, Report | None],
     **values: object,
 ) -> Report:
     """Fill in a template with what every report has, and with its parts on sound and response."""
-    pictures = pictures | dict(response.pictures if response else {})
+    known = [part for part in parts.values() if part]
+    pictures = dict(pictures)
+    for part in known:
+        pictures |= part.pictures
     page = html.render_html(
         _TEMPLATE_FOLDER + template,
         title=data.attrs.get("title", ""),
@@ -124,11 +121,11 @@ def _assemble(
         notes=notes,
         messages=ALL_MESSAGES,
         pictures=pictures,
-        sound=Markup(sound.page if sound else ""),
-        response=Markup(response.page if response else ""),
+        **{name: Markup(part.page if part else "") for name, part in parts.items()},
         **values,
     )
-    return Report(page, summary + (sound.summary if sound else []), notes, pictures)
+    summary = summary + [line for part in known for line in part.summary]
+    return Report(page, summary, notes + [note for part in known for note in part.notes], pictures)
 
 
 def _save_svgs(figures: Mapping[str, Figure], style: Any = None) -> dict[str, html.Picture]:
@@ -178,7 +175,7 @@ def build_shape(
         summarise_shape(data),
         warnings.check_shape(data),
         pictures,
-        sound,
+        {"sound": sound},
         viewer=Markup(view_shape(data, manifest.structure.extent)),
         numbers=tabulate_shape(data),
         candidates=[data.isel(candidate=k) for k in order],
@@ -232,8 +229,7 @@ def build_modes(
         html.render_lines(_TEMPLATE_FOLDER + "modes.txt.j2", rows=rows, data=data),
         list(warnings.check_modes(data, manifest)),
         _save_svgs(figures),
-        sound,
-        response,
+        {"sound": sound, "response": response},
         modes=modes,
         shapes=tabulate_mode_shapes(data),
         viewers=[Markup(view_shape(one, extent)) for one in iterate_slices(data, "mode")],
@@ -302,12 +298,13 @@ def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
         summary,
         list(warnings.check_response(data, manifest)),
         _save_svgs(figures, MATH_STYLE),
+        {},
         markers=markers,
         roles={"drive": "nearest to the force", "surest": "surest", "least": "least sure"},
     )
     if manifest.excitation.behaviour.result != "response":
         return part
-    return _assemble("response.html.j2", data, manifest, summary, part.notes, {}, response=part)
+    return _assemble("response.html.j2", data, manifest, [], [], {}, {"response": part})
 
 
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
@@ -332,6 +329,7 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
         manifest,
         summary,
         list(warnings.check_sound(data)),
+        {},
         {},
         no_wall_change=warnings.no_wall_change,
         viewers=[Markup(view_sound(one, manifest)) for one in tones],
