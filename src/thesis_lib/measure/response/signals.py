@@ -1,8 +1,6 @@
 """Force and deflections of a response over time, on the first camera's clock.
 
-The force is read as it was recorded, and checked. A resonance at f with damping ratio ζ answers
-within 1 / (2πζf) s; a sweep is in its half-power band, 2ζf wide, for 2ζf over its speed. If that is
-not some times longer, it does not settle.
+The force is read as it was recorded, and checked.
 
 Deflections are those of all markers at common times: each camera's centres are brought there from
 its own time stamps, rows of a rolling shutter and exposure, then triangulated, instant by instant.
@@ -18,7 +16,6 @@ cross-spectrum of what it and the first one see has the phase ωδ: it tells δ 
 windows, and a line through these how much faster a clock runs.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -36,8 +33,6 @@ from thesis_lib.measure.synchronisation import audio, drift
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
 
-# Times the resonance's time constant in which it settles: to e⁻⁴, 2 %
-SETTLING_TIME_CONSTANTS = 4.0
 # Of the largest power of a segment; weaker ones are before or after the sweep
 MIN_SEGMENT_POWER_RATIO = 0.03
 SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is sought
@@ -56,17 +51,6 @@ def find_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
         to_hz=given.to_hz or max(float(line[-1]), 2e-3),
         duration_s=given.duration_s or max(float(made.delta_t * (on[-1] - on[0])), 1e-3),
     )
-
-
-def dwell_time(sweep: Sweep, frequency: float, damping: float) -> float:
-    """Return the time that a sweep of even speed spends in a resonance's half-power band, s."""
-    begin, end, seconds = (float(x or np.nan) for x in sweep.model_dump().values())
-    return 2 * damping * frequency * seconds / abs(end - begin)
-
-
-def settling_time(frequency: float, damping: float) -> float:
-    """Return the time that a resonance takes to settle, s."""
-    return SETTLING_TIME_CONSTANTS / (2 * math.pi * damping * frequency)
 
 
 FORCE_RATE_RATIO = 10  # times the frame rate to which a fast recording of a force is reduced
