@@ -33,6 +33,16 @@ MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which a marker stands sti
 MIN_AWAKE_RATIO = 0.5  # of it, from which on one certainly does not
 MIN_MOVING_NEIGHBOURS = 6  # markers that move, beside one that stands still
 SLOPE_NEIGHBOURS = 9  # markers that tell the slope of the surface at one of them
+MIN_TONE_POWER_RATIO = 40.0  # times the mean power of what is left that a tone's must be
+MAX_SPECTRUM_FRAMES = 2048  # frames in which another tone is sought
+EXAMINED_SERIES = 8  # image coordinates of each camera that are looked at
+MIN_JUMP_PX = 0.1  # px by which a whole image must jump
+MIN_JUMP_SIGMAS = 8.0  # standard errors that it must jump by
+MAX_JUMP_FRAMES = 4096  # frames that are looked at
+MIN_EDGE_FRAMES = 5  # frames before and after a jump, at least
+MIN_MOTION_SHARE = 0.05  # share of the motion below which a frequency explains none of it
+MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
+SHARED_VARIABLES = read_variables(__file__, "shared_errors")
 
 
 def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
@@ -127,16 +137,6 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
     return shapes, deviations
 
 
-MIN_TONE_POWER_RATIO = 40.0  # times the mean power of what is left that a tone's must be
-MAX_SPECTRUM_FRAMES = 2048  # frames in which another tone is sought
-EXAMINED_SERIES = 8  # image coordinates of each camera that are looked at
-MIN_JUMP_PX = 0.1  # px by which a whole image must jump
-MIN_JUMP_SIGMAS = 8.0  # standard errors that it must jump by
-MAX_JUMP_FRAMES = 4096  # frames that are looked at
-MIN_EDGE_FRAMES = 5  # frames before and after a jump, at least
-MIN_MOTION_SHARE = 0.05  # share of the motion below which a frequency explains none of it
-
-
 def explained_share(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> dict[str, float]:
@@ -223,10 +223,6 @@ def check_explained(tone: Mapping[str, float], given: float) -> None:
             f"{max(tone['explained'], 0):.1%} of the motion; most of it is near "
             f"{tone['other_frequency']:.3g} Hz: allowed: the frequency of the motion, or null"
         )
-
-
-MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
-SHARED_VARIABLES = read_variables(__file__, "shared_errors")
 
 
 def common_errors(

@@ -27,6 +27,8 @@ MIN_KNOWN = 0.5  # share of the frames in which a coordinate must be known
 MIN_EXPLAINED_SHARE = 0.5  # of their variance that one frequency must explain
 PHASE_PARTS = 12  # parts whose phases are compared
 MIN_PART_FRAMES = 16  # frames of such a part
+MIN_CLOCK_SIGMAS = 5.0  # standard errors from which on a clock is corrected
+LEAST_TURN = 0.01  # rad over the recording, or of the phase, below which it is not worth it
 
 
 class FrequencyError(ValueError):
@@ -183,10 +185,6 @@ def refine_frequency(start: float, motion: Advance, sound: xr.Dataset) -> float:
     known = [(error, value) for error, value in found if np.isfinite([error, value]).all()]
     error, value = min(known, default=(np.nan, start))
     return value if abs(value - start) > 3 * error else start
-
-
-MIN_CLOCK_SIGMAS = 5.0  # standard errors from which on a clock is corrected
-LEAST_TURN = 0.01  # rad over the recording, or of the phase, below which it is not worth it
 
 
 def estimate_paces(

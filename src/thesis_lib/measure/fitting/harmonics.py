@@ -21,6 +21,9 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole
 
 INSTANTS = 16  # of a period, at which harmonics are triangulated
+#: Trial frequencies about that of a vibration, in cycles per recording: the fit has taken what is
+#: nearer, and further away the noise may be another
+NEAR_CYCLES = np.r_[-8:-1, 2:9]
 
 
 @dataclass(frozen=True)
@@ -238,11 +241,6 @@ def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
     """Return the deflection (markers,) in m at its maximum, near an expected phase in rad."""
     phase = common_phase(amplitude, expected_phase)
     return np.asarray(np.real(amplitude * np.exp(-1j * phase)), float)
-
-
-#: Trial frequencies about that of a vibration, in cycles per recording: the fit has taken what is
-#: nearer, and further away the noise may be another
-NEAR_CYCLES = np.r_[-8:-1, 2:9]
 
 
 def fit_tracks(

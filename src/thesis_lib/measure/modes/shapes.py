@@ -28,6 +28,17 @@ from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
 
+NEIGHBOUR_COUNT = 8  # neighbours of a marker
+MAX_SPREADS = 8.0  # spreads over the neighbours, and usual distances from them, that one may be off
+MIN_WORST_RATIO = 0.3  # of a marker's largest distance, below which it waits for the next look
+MAX_LOOKS = 6
+# Times the usual error, from which on a camera has no part in a marker's result
+MAX_ERROR_RATIO = 8.0
+ASSUMED_START_STD_S = 0.01  # s by which starts are thought to be off at most, rather
+# Of a phase's square over its error's that counts: one mode alone decides nothing
+MAX_PHASE_CHI2 = 100.0
+PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
+
 
 @dataclass(frozen=True)
 class Track:
@@ -61,12 +72,6 @@ def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list
         times, uv = own.read_tracks(begin, end)
         found.append(Track(own.camera, times, uv, own.exposure, own.readout, rows))
     return found
-
-
-NEIGHBOUR_COUNT = 8  # neighbours of a marker
-MAX_SPREADS = 8.0  # spreads over the neighbours, and usual distances from them, that one may be off
-MIN_WORST_RATIO = 0.3  # of a marker's largest distance, below which it waits for the next look
-MAX_LOOKS = 6
 
 
 def without_strays(track: Track, places: Array) -> Track:
@@ -120,10 +125,6 @@ def _median(values: Array) -> Array:
         for place in ((count - 1) // 2, count // 2)
     )
     return np.asarray(0.5 * (low + high), float)
-
-
-# Times the usual error, from which on a camera has no part in a marker's result
-MAX_ERROR_RATIO = 8.0
 
 
 @dataclass(frozen=True)
@@ -224,12 +225,6 @@ def remove_nonlinearity(
     lifted = rest.points[:, None] + normal[:, None, None] * heights
     true = np.moveaxis(pinhole.project(P, lifted)[0], 0, 1) - pinhole.project(P, rest.points)[0]
     return replace(track, uv=track.uv - (true - linear))
-
-
-ASSUMED_START_STD_S = 0.01  # s by which starts are thought to be off at most, rather
-# Of a phase's square over its error's that counts: one mode alone decides nothing
-MAX_PHASE_CHI2 = 100.0
-PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
 
 
 def camera_lags(found: Sequence[Shape], poles: fits.Poles) -> tuple[Array, Array]:

@@ -23,6 +23,8 @@ MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their pl
 # Times what noise explains, up to which a model's modes are taken for the shape
 MAX_MODEL_CHI = 3.0
 PLANE_SHAPE = (61, 41)  # points of a plane
+SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s
+FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
 
 
 def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
@@ -166,10 +168,6 @@ def _choose_motion(
     step = radiated.largest_gap(markers)
     held = radiated.edge_places(corners, asked.held_edges(structure.kind), step)
     return radiated.by_spline(markers, held, places)
-
-
-SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s
-FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
 
 
 def write_sound(folder: Path, data: xr.Dataset) -> None:

@@ -35,6 +35,17 @@ MARKERS_PER_WAVE = 3  # to the length of the shortest mode that is fitted
 TELL_APART = 30.0  # largest condition number of a fit
 EDGE_POINTS = 12  # places on a marker's edge
 MAX_TRIED_MODES = 60  # modes that are tried
+OCTAVE_RATIO = 10**0.3  # base ten, as the standard has it
+NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
+ALL_TONES = "all"
+SURFACE_NODES = 1600  # of the surface
+PER_WAVE = 8  # nodes to the length of a sound wave, at least
+LISTED_RADIATION_MODES = 6  # radiation modes that are told
+DECIBELS_PER_NEPER = 10 / np.log(10)
+VARIABLES = read_variables(__file__, "sound")
+#: Cells of the screen, and of one whose answer differs by the error: 0.1 dB or less
+SCREEN_CELLS = (400, 200)
+NO_WALL_VARIABLES = read_variables(__file__, "without_wall")
 
 
 @dataclass(frozen=True)
@@ -145,11 +156,6 @@ def edge_places(corners: Array, edges: list[int], step: float) -> Array:
     return np.unique(np.round(np.concatenate(found, axis=1), 9), axis=1)
 
 
-OCTAVE_RATIO = 10**0.3  # base ten, as the standard has it
-NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
-ALL_TONES = "all"
-
-
 def group_octaves(hertz: ArrayLike) -> dict[str, IntArray]:
     """Return the tones in each octave, by its nominal centre in Hz; before them all together.
 
@@ -166,13 +172,6 @@ def group_octaves(hertz: ArrayLike) -> dict[str, IntArray]:
         f"{centre:g}": np.flatnonzero(number == k) for k, centre in enumerate(NOMINAL_CENTRES_HZ)
     }
     return {ALL_TONES: np.arange(len(f))} | {name: own for name, own in found.items() if len(own)}
-
-
-SURFACE_NODES = 1600  # of the surface
-PER_WAVE = 8  # nodes to the length of a sound wave, at least
-LISTED_RADIATION_MODES = 6  # radiation modes that are told
-DECIBELS_PER_NEPER = 10 / np.log(10)
-VARIABLES = read_variables(__file__, "sound")
 
 
 def radiate_sound(
@@ -311,11 +310,6 @@ def count_nodes(extent: tuple[float, float], omega: float, medium: radiation.Med
     """Return how many nodes a surface of an extent in m needs."""
     wave = 2 * np.pi * medium.speed_of_sound / omega
     return max(SURFACE_NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
-
-
-#: Cells of the screen, and of one whose answer differs by the error: 0.1 dB or less
-SCREEN_CELLS = (400, 200)
-NO_WALL_VARIABLES = read_variables(__file__, "without_wall")
 
 
 def estimate_change(

@@ -27,6 +27,8 @@ from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 from thesis_lib.web import html
 
+_TEMPLATE_FOLDER = "measure/report/templates/"
+
 
 def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
     """Return the markers with a result as a moving surface: a self-contained HTML fragment.
@@ -77,9 +79,6 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
     }
     still = "This figure needs JavaScript; radiated.nc has the same field."
     return html.static_html(html.join_modules("radiated"), html.VIEWER_CSS, {"data": state}, still)
-
-
-_TEMPLATE_FOLDER = "measure/report/templates/"
 
 
 @dataclass(frozen=True)

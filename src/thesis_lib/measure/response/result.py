@@ -40,6 +40,12 @@ HANN_SHARE = 1 / 6  # of a line's power that a Hann window adds to each neighbou
 #: the receptance: twice the mean of (1 − 1/k)² S over all θ, with k = 2/3 + cos θ / 3 of the window
 #: and S = 1 + 8/9 cos θ + cos 2θ / 18 of the noise of lines that overlap
 BLUR_BY_NOISE = 0.62
+RECORDING_PARTS = 8  # into which a recording is cut
+MAX_FORCE_RATE_RATIO = 8  # times the frames' rate at which a force is sampled
+REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
+GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
+MIN_PERIODS = 8  # periods of the lowest frequency that a recording has
+VARIABLES = read_variables(__file__, "response")
 
 
 @dataclass(frozen=True)
@@ -149,14 +155,6 @@ def estimate_blur(receptance: ComplexArray) -> ComplexArray:
         second = power / receptance.conj()
     middle = np.sqrt(power) * np.exp(1j * np.angle(receptance))
     return np.array([receptance, second, middle]) - sharp
-
-
-RECORDING_PARTS = 8  # into which a recording is cut
-MAX_FORCE_RATE_RATIO = 8  # times the frames' rate at which a force is sampled
-REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
-GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
-MIN_PERIODS = 8  # periods of the lowest frequency that a recording has
-VARIABLES = read_variables(__file__, "response")
 
 
 def estimate_response(

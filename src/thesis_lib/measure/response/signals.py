@@ -36,6 +36,23 @@ from thesis_lib.vision import pinhole, triangulation
 # Of the largest power of a segment; weaker ones are before or after the sweep
 MIN_SEGMENT_POWER_RATIO = 0.03
 SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is sought
+FORCE_RATE_RATIO = 10  # times the frame rate to which a fast recording of a force is reduced
+MIN_CLIPPED_SAMPLES = 3  # samples at full scale from which on a force counts as clipped
+NEAR_SAMPLES = 24  # samples that an estimate rests on
+MAX_SIGNAL_RATIO = 0.45  # of the rate, up to which the signal is taken to reach
+# Of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
+MAX_REPORTED_RATIO = 0.4
+OUT_OF_BAND_POWER_RATIO = 1e-6  # power beside the band over that in it
+QUADRATURE_NODES = 28  # of the quadrature over the band
+CHUNK_TIMES = 512  # times at once
+SAME_TIME_S = 1e-9  # s up to which two times are the same
+# Of the next marker's distance that a marker may seem to move along the surface
+MAX_SURFACE_SHIFT_RATIO = 0.25
+MAX_WINDOWS = 8  # at most, over the recording
+MIN_WINDOW_S, MAX_WINDOW_S = 2.0, 16.0  # s that a window has at least, and at most
+MAX_TIME_OFFSET_S = 0.1  # s that a camera's times may be off
+HANN_LINES = 1.5  # lines of a Hann window that tell as much as one
+TRIALS_PER_PERIOD = 8  # trial delays in a period of the highest frequency
 
 
 def find_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
@@ -51,10 +68,6 @@ def find_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
         to_hz=given.to_hz or max(float(line[-1]), 2e-3),
         duration_s=given.duration_s or max(float(made.delta_t * (on[-1] - on[0])), 1e-3),
     )
-
-
-FORCE_RATE_RATIO = 10  # times the frame rate to which a fast recording of a force is reduced
-MIN_CLIPPED_SAMPLES = 3  # samples at full scale from which on a force counts as clipped
 
 
 @dataclass(frozen=True)
@@ -164,16 +177,6 @@ def _find_clock(
     return found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace
 
 
-NEAR_SAMPLES = 24  # samples that an estimate rests on
-MAX_SIGNAL_RATIO = 0.45  # of the rate, up to which the signal is taken to reach
-# Of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
-MAX_REPORTED_RATIO = 0.4
-OUT_OF_BAND_POWER_RATIO = 1e-6  # power beside the band over that in it
-QUADRATURE_NODES = 28  # of the quadrature over the band
-CHUNK_TIMES = 512  # times at once
-SAME_TIME_S = 1e-9  # s up to which two times are the same
-
-
 def at_times(
     times: Array,
     values: Array,
@@ -234,10 +237,6 @@ def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask, apart: Arr
     enough = (2 * there.sum(axis=1) >= near) & before & after
     found[t, k] = np.where(enough, value, np.nan)
     return found
-
-
-# Of the next marker's distance that a marker may seem to move along the surface
-MAX_SURFACE_SHIFT_RATIO = 0.25
 
 
 def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
@@ -315,13 +314,6 @@ def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
         return np.full(still.shape[1], np.nan)
     found = power[inside].mean(axis=0)
     return np.asarray(np.where(np.isfinite(still).all(axis=0), found, np.nan), float)
-
-
-MAX_WINDOWS = 8  # at most, over the recording
-MIN_WINDOW_S, MAX_WINDOW_S = 2.0, 16.0  # s that a window has at least, and at most
-MAX_TIME_OFFSET_S = 0.1  # s that a camera's times may be off
-HANN_LINES = 1.5  # lines of a Hann window that tell as much as one
-TRIALS_PER_PERIOD = 8  # trial delays in a period of the highest frequency
 
 
 def in_step(
