@@ -17,9 +17,6 @@ from thesis_lib.vision.simulation import assurance_criterion
 IDEAL = Camera("A", np.diag([800.0, 800.0, 1.0]), np.zeros(5), np.eye(3), np.zeros(3), (640, 360))
 
 
-# Sums.
-
-
 def test_harmonics_by_parts_are_those_of_the_whole(conforms):
     rng = np.random.default_rng(1)
     times, omega = np.arange(90) / 60, 2 * np.pi * 4.25
@@ -32,9 +29,6 @@ def test_harmonics_by_parts_are_those_of_the_whole(conforms):
     conforms.invariance(found.coefficients, whole.coefficients, atol=1e-10)
     conforms.invariance(found.sigma, whole.sigma, rtol=1e-9)
     conforms.invariance(found.covariance, whole.covariance, rtol=1e-9)
-
-
-# Frequency.
 
 
 def tracks(folder, frequency, rates=(60.0, 60.0), seconds=4.0, noise=0.03, growth=0.0, size=5.0):
@@ -77,9 +71,6 @@ def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequ
     conforms.sampled(abs(found.frequency - frequency), below=5 * bound)
 
 
-# Models.
-
-
 @pytest.mark.parametrize("kind", ["beam", "plate"])
 def test_a_mode_is_most_similar_to_itself(conforms, kind):
     modes = candidate_modes(StructureSpec(kind=kind))
@@ -90,9 +81,6 @@ def test_a_mode_is_most_similar_to_itself(conforms, kind):
         conforms.invariance(scale_model(shape, mode.shape), shape, rtol=1e-7)
     one_row = candidate_modes(StructureSpec(markers={"rows": 1}))  # on the axis, without torsion
     assert all(mode.name.startswith("bending") for mode in one_row)
-
-
-# Universal file.
 
 
 def test_the_universal_file_joins_neighbours_and_leaves_out_what_is_unknown(conforms, tmp_path):

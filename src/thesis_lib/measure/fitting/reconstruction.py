@@ -106,9 +106,6 @@ class Rest:
     thickness: float = 0.0  #: Of the structure, m
 
 
-# One instant.
-
-
 def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: int = 6) -> Array:
     """Return Lagrange interpolation of values (times, ...) at one time, through the nearest frames.
 
@@ -155,9 +152,6 @@ def measure_instant(
     common = np.where(np.isfinite(rest) & np.isfinite(uv), sigma, np.nan)
     points, _ = triangulate_seen(P, rest)
     return deflection_at(P, frame, rest, uv), height_deviation(P, frame, points, common)
-
-
-# What noise of the centres does.
 
 
 def normal_gain(P: Array, frame: Frame, points: Array, seen: Mask, axis: int = 2) -> Array:

@@ -59,13 +59,14 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     yield from _check_repeats(data)
     first = str(data["camera"].values[0])
     for one in iterate_slices(data, "camera"):
-        name = str(one["camera"].values)
+        name, lost = str(one["camera"].values), float(one["missing"].mean())
         rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
         if abs(rate / given - 1) > NOTE_LIMITS["file-rate"]:
             yield make_note("file-rate", name=name, rate=rate, given=given)
         if (uneven := float(one["uneven"])) > NOTE_LIMITS["uneven-frames"] / rate:
             yield make_note("uneven-frames", name=name, uneven_ms=1e3 * uneven)
-        yield from _check_lost(name, float(one["missing"].mean()))
+        if lost > NOTE_LIMITS["markers-lost"]:
+            yield make_note("markers-lost", name=name, lost=lost)
         if jump := float(one["jump"]):
             yield make_note("camera-jumped", name=name, jump=jump, time=float(one["jump_time"]))
         late = float(one["lag"]) if one.attrs.get("sound") != "none" else 0.0
@@ -87,11 +88,6 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
 def _check_repeats(data: xr.Dataset) -> Iterator[Note]:
     for line in data.attrs.get("repeats", "").splitlines():
         yield make_note("repeated-frames", line=line)
-
-
-def _check_lost(name: str, lost: float) -> Iterator[Note]:
-    if lost > NOTE_LIMITS["markers-lost"]:
-        yield make_note("markers-lost", name=name, lost=lost)
 
 
 def _check_clock(name: str, first: str, late: float, pace: float, *errors: float) -> Iterator[Note]:
@@ -178,7 +174,8 @@ def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         yield make_note("shapes-alike", first=hertz[i], second=hertz[j], mac=mac[i, j])
     first = str(data["camera"].values[0])
     for k, name in enumerate(map(str, data["camera"].values)):
-        yield from _check_lost(name, float(data["missing"][k].mean()))
+        if (lost := float(data["missing"][k].mean())) > NOTE_LIMITS["markers-lost"]:
+            yield make_note("markers-lost", name=name, lost=lost)
         if (strays := float(data["left_out"][k])) > NOTE_LIMITS["markers-strayed"]:
             yield make_note("markers-strayed", name=name, strays=strays)
         yield from _check_clock(name, first, float(data["lag"][k]), float(data["pace"][k]))
