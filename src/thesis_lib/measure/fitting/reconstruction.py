@@ -73,16 +73,13 @@ def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
 
     Raises
     ------
-    ValueError
+    ChainError
         If fewer than three markers are known.
     """
     points, nominal = np.asarray(points, float), np.asarray(nominal, float)
     known = np.isfinite(points).all(axis=0)
     if np.count_nonzero(known) < 3:
-        raise ValueError(
-            f"only {np.count_nonzero(known)} markers at rest are known from two cameras or more, "
-            "3 are needed"
-        )
+        raise ChainError("fewer than three markers at rest are seen by two cameras")
     measured, grid = points[:, known], nominal[:, known]
     a, b = measured.mean(axis=1), grid.mean(axis=1)
     m, g = measured - a[:, None], grid - b[:, None]
@@ -192,8 +189,7 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
     and those that all cameras see from behind.
     """
     points, seen = triangulate_seen(projection_matrices(cameras), rest)
-    if np.count_nonzero(seen >= 2) < 3:
-        raise ChainError("fewer than three markers at rest are seen by two cameras")
+    frame = fit_grid(points, markers.world[:, : markers.count])
     places = 1000 * markers.centres[:, seen >= 2]
     if on_one_line(places, 1000 * markers.diameter):
         raise ChainError(
@@ -201,7 +197,6 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
             "line, which does not tell how the structure is turned about it: move a camera, or add "
             "markers beside the line"
         )
-    frame = fit_grid(points, markers.world[:, : markers.count])
     most = GRID_SHARE * float(markers.nearest.min())
     if frame.rms <= most and abs(frame.scale - 1) <= GRID_SCALE:
         if np.any(frame.to_beam(np.array([c.centre for c in cameras]).T)[2] >= 0):
