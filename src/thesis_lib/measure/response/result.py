@@ -262,16 +262,13 @@ def _band(manifest: Manifest, force: signals.RecordedForce, slowest: float) -> t
     """Return the reported frequencies, Hz; refuse those that frames or force do not resolve."""
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
-    most = signals.MAX_REPORTED_RATIO * slowest
-    given = None
-    if excitation.behaviour.sweeps and min(sweep.from_hz or 0, sweep.to_hz or 0) >= most:
-        given = f"excitation.sweep: given {sweep.from_hz:g} to {sweep.to_hz:g} Hz"
-    elif sought.from_hz >= most:
-        given = f"excitation.modes.from_hz: given {sought.from_hz:g}"
-    if given:
+    lowest, most = sought.from_hz, signals.MAX_REPORTED_RATIO * slowest
+    if excitation.behaviour.sweeps:
+        lowest = max(lowest, min(sweep.from_hz or 0, sweep.to_hz or 0))
+    if lowest >= most:
         raise ForceError(
-            f"{given}, allowed: below {most:.4g} Hz, {signals.MAX_REPORTED_RATIO} of the lowest "
-            "frame rate; film faster"
+            f"excitation.modes.from_hz or sweep: given {lowest:g} Hz, allowed: below {most:.4g} "
+            f"Hz, {signals.MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
         )
     high = min(sought.to_hz or most, most)
     if signals.MAX_REPORTED_RATIO * force.rate < high * (1 - 1e-6):
