@@ -64,7 +64,7 @@ def test_defaults_are_those_that_an_empty_manifest_gets():
 
 def test_messages_and_their_values_fit():
     told = list(made())
-    assert len(told) > 50
+    assert len(told) > 40  # those of tables are made one by one in test_feasibility
     for code, variant, names in told:
         message = ALL_MESSAGES[code]
         text = message.variants.get(variant, message.text)

@@ -7,7 +7,7 @@ import xarray as xr
 
 from thesis_lib.measure.exchange import files
 from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase_advance
-from thesis_lib.measure.fitting.harmonics import fit_harmonics, sums_of
+from thesis_lib.measure.fitting.harmonics import fit_harmonics, fit_parts
 from thesis_lib.measure.fitting.result import candidate_modes, scale_model
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.tracking.tracks import Recording
@@ -17,9 +17,6 @@ from thesis_lib.vision.simulation import assurance_criterion
 IDEAL = Camera("A", np.diag([800.0, 800.0, 1.0]), np.zeros(5), np.eye(3), np.zeros(3), (640, 360))
 
 
-# Sums.
-
-
 def test_harmonics_by_parts_are_those_of_the_whole(conforms):
     rng = np.random.default_rng(1)
     times, omega = np.arange(90) / 60, 2 * np.pi * 4.25
@@ -27,15 +24,11 @@ def test_harmonics_by_parts_are_those_of_the_whole(conforms):
     values[rng.random(values.shape) < 0.1] = np.nan
     whole = fit_harmonics(omega, times, values)
     middle = np.nanmean(values, axis=0)
-    parts = [sums_of(omega, times[k : k + 13], values[k : k + 13] - middle)
-             for k in range(0, 90, 13)]  # fmt: skip
-    found = sum(parts[1:], parts[0]).solve().raised(middle)
+    parts = ((times[k : k + 13], values[k : k + 13] - middle) for k in range(0, 90, 13))
+    found = fit_parts(omega, parts).raised(middle)
     conforms.invariance(found.coefficients, whole.coefficients, atol=1e-10)
     conforms.invariance(found.sigma, whole.sigma, rtol=1e-9)
     conforms.invariance(found.covariance, whole.covariance, rtol=1e-9)
-
-
-# Frequency.
 
 
 def tracks(folder, frequency, rates=(60.0, 60.0), seconds=4.0, noise=0.03, growth=0.0, size=5.0):
@@ -78,9 +71,6 @@ def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequ
     conforms.sampled(abs(found.frequency - frequency), below=5 * bound)
 
 
-# Models.
-
-
 @pytest.mark.parametrize("kind", ["beam", "plate"])
 def test_a_mode_is_most_similar_to_itself(conforms, kind):
     modes = candidate_modes(StructureSpec(kind=kind))
@@ -91,9 +81,6 @@ def test_a_mode_is_most_similar_to_itself(conforms, kind):
         conforms.invariance(scale_model(shape, mode.shape), shape, rtol=1e-7)
     one_row = candidate_modes(StructureSpec(markers={"rows": 1}))  # on the axis, without torsion
     assert all(mode.name.startswith("bending") for mode in one_row)
-
-
-# Universal file.
 
 
 def test_the_universal_file_joins_neighbours_and_leaves_out_what_is_unknown(conforms, tmp_path):

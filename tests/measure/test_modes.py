@@ -11,14 +11,8 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.measure.fitting.frequency import phase_lags
-from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
-from thesis_lib.measure.modes.identify import (
-    Asked,
-    ModalError,
-    identify_modes,
-    modal_assurance,
-    rest_of,
-)
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, rest_of
+from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes, modal_assurance
 from thesis_lib.measure.modes.poles import block_of, fit_poles
 from thesis_lib.measure.modes.shapes import estimate_shapes, without_outliers
 from thesis_lib.measure.pipeline import Recorded, measure_modes
@@ -342,7 +336,7 @@ def test_markers_that_do_not_tell_the_sides_are_refused(tmp_path, change, told):
     for own in recordings:
         np.save(own.path, change(np.array(own.centres)))
     with pytest.raises(ChainError, match=told):
-        rest_of(manifest, recordings)
+        rest_of(manifest, recordings, 0.45)
 
 
 def test_what_a_manifest_may_not_ask_is_refused():

@@ -203,15 +203,6 @@ def test_a_spline_holds_planes_and_edges_at_rest(conforms):
     conforms.closed_form(still, 0 * still, atol=1e-9)
 
 
-def test_no_places_move_by_no_rows():
-    held, none = np.empty((2, 0)), np.empty((2, 0))
-    for own in (
-        radiated.by_spline(PLATE.markers, held, none),
-        radiated.by_model(PLATE, PLATE.markers, 0.0005, none),
-    ):
-        assert own.moving.shape == (0, len(TRUE))
-
-
 def test_octaves_have_the_edges_of_the_standard():
     """Base ten: 1 kHz reaches from 10^2.85 to 10^3.15 Hz; what is in no band is in the total."""
     edges = 10 ** np.array([2.85, 3.15])

@@ -31,9 +31,6 @@ def noise(shape, sigma=0.02, seed=0):
     return sigma * np.random.default_rng(seed).standard_normal(shape)
 
 
-# Who sees what.
-
-
 @pytest.mark.slow
 @given(SEEDS)
 def test_a_point_is_made_from_the_cameras_that_see_it(conforms, seed):
@@ -47,9 +44,6 @@ def test_a_point_is_made_from_the_cameras_that_see_it(conforms, seed):
     assert np.isnan(np.delete(points, twice, axis=1)).all()
     expected = [triangulate(P[visible[:, k]], uv[visible[:, k]][:, :, k]) for k in twice]
     conforms.independent(points[:, twice], np.transpose(expected), atol=1e-12)
-
-
-# The beam's frame.
 
 
 @given(SEEDS)
@@ -90,10 +84,7 @@ def test_unknown_markers_are_left_out_of_the_fit_which_needs_three(conforms):
     holed[:, 60] = WORLD[:, 60]  # of another row
     conforms.closed_form(rc.fit_grid(holed, WORLD).to_beam(WORLD), WORLD, atol=1e-12)
     holed[:, 2:] = np.nan
-    assert line_of(ValueError, rc.fit_grid, holed, WORLD).startswith("only 2 markers")
-
-
-# Harmonics.
+    assert line_of(ValueError, rc.fit_grid, holed, WORLD).startswith("fewer than three markers")
 
 
 def series(coefficients, times):
@@ -163,9 +154,6 @@ def test_unblurring_undoes_the_mean_over_an_exposure(conforms):
 AT_ORIGIN = rc.Frame(np.eye(3), np.zeros(3), 0.0, 1.0, 0.0)
 
 
-# The shape at its maximum.
-
-
 @pytest.mark.parametrize("phase", [-3.0, 0.5])
 def test_the_shape_has_the_sign_that_the_expected_phase_tells(conforms, phase):
     """It leaves least imaginary; unknown markers stay unknown."""
@@ -180,9 +168,6 @@ def test_the_shape_has_the_sign_that_the_expected_phase_tells(conforms, phase):
     turns = np.exp(-1j * np.linspace(0, np.pi, 2001))
     most = np.max(np.sum(np.real(np.outer(turns, mixed)) ** 2, axis=1))
     conforms.independent(np.sum(real_shape(mixed, 0.0) ** 2), most, rtol=1e-5)
-
-
-# One instant.
 
 
 @pytest.mark.parametrize("points", [2, 6])
@@ -228,9 +213,6 @@ def test_rest_and_instant_are_made_from_the_same_cameras(conforms):
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), [15])
     conforms.closed_form(found[30:], whole[30:], atol=1e-15)
     conforms.closed_form(np.abs(np.delete(found, 15) - 0.003).max(), below=4e-5)
-
-
-# Noise.
 
 
 @pytest.mark.parametrize("cameras", [[0, 1], [0, 1, 2, 3]])

@@ -9,8 +9,8 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange.cameras import describe_reused
-from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
-from thesis_lib.measure.modes.shapes import Rest, Track
+from thesis_lib.measure.fitting.reconstruction import Rest, check_frame, triangulate_seen
+from thesis_lib.measure.modes.shapes import Track
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Sought
 from thesis_lib.measure.tracking.tracks import Recording

@@ -29,8 +29,8 @@ from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.rig import calibrate_camera, unify_corners
 from thesis_lib.measure.fitting import harmonics as fits
-from thesis_lib.measure.fitting.reconstruction import check_frame, fit_grid, triangulate_seen
-from thesis_lib.measure.modes.shapes import Rest, Track
+from thesis_lib.measure.fitting.reconstruction import Rest, check_frame, fit_grid, triangulate_seen
+from thesis_lib.measure.modes.shapes import Track
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view

@@ -183,19 +183,18 @@ def measure_shape(
     report = build.build_shape(data, seen, manifest, firsts, sound)
     own, slow = inputs.recordings[0], min(1.0, 1 / (2 * float(data["frequency"])))
     rings = animation.draw_tracks(own, videos[0], float(data["steady"][0]))
-    with _results_folder(out, report, say) as part, ThreadPoolExecutor(1) as thread:
+    with (
+        _results_folder(out, say, report, inputs, radiated) as part,
+        ThreadPoolExecutor(1) as thread,
+    ):
         # Slowed so that a period of the vibration takes two seconds at least
         film = part / "tracked.mp4", rings, max(slow * own.rate, 1.0)
         filmed = thread.submit(animation.write_mp4, *film)  # next to all else
         storage.write_netcdf(data, part / "measured.nc")
-        storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, data, moved, inputs.recordings)
         animation.write_shape(part / "shape", data)
         filmed.result()
-        if radiated is not None:
-            write_sound(part, radiated)
-        report.write(part)
     return report
 
 
@@ -208,21 +207,13 @@ def measure_motion(
     say("motion over force")
     found = estimate_response(manifest, inputs.recordings, folder)
     data = schema.with_origin(found, _SOURCE_TEXT)
-    data.attrs.update(
-        title=f"Motion of a {manifest.structure.kind} over a force",
-        parameters=manifest.model_dump_json(),
-        synchronisation=inputs.sound.attrs["synchronisation"],
-    )
+    data.attrs.update(_describe_inputs(manifest, inputs, "Motion over a force"))
+    report = build.build_response(data, manifest)
     alone = manifest.excitation.behaviour.result == "response"
-    notes = str(inputs.calibration.attrs["notes"]) if alone else None
-    report = build.build_response(data, manifest, notes)
-    with _results_folder(out, report, say) as part:
+    with _results_folder(out, say, report, inputs if alone else None) as part:
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, data)
-        if alone:
-            storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
-            report.write(part)
-    return report if alone else report.join(measure_modes(manifest, inputs, out, say, report))
+    return report if alone else measure_modes(manifest, inputs, out, say, report)
 
 
 def measure_modes(
@@ -250,26 +241,35 @@ def measure_modes(
         moved = schema.with_origin(found, data.attrs["source"])
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
-    with _results_folder(out, report, say) as part:
+    with _results_folder(out, say, report, inputs, radiated) as part:
         storage.write_netcdf(data, part / "modes.nc")
-        storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_modes(data), part / "modes.csv")
         text_files.write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         files.write_formats(part, data, moved, recordings)
         for k in range(data.sizes["mode"]):
             animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))
-        if radiated is not None:
-            write_sound(part, radiated)
-        report.write(part)
     return report
 
 
 @contextmanager
-def _results_folder(out: Path, report: build.Report, say: Say) -> Iterator[Path]:
-    """Give a folder whose files all go to `out` in the end; then print what was found."""
+def _results_folder(
+    out: Path,
+    say: Say,
+    report: build.Report,
+    inputs: Recorded | None,
+    radiated: xr.Dataset | None = None,
+) -> Iterator[Path]:
+    """Give a folder whose files go to `out` in the end, with the report if there are inputs."""
     with staging(out) as part:
         yield part
+        if inputs is not None:  # else the report is a part of another one
+            storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
+            report.write(part)
+        if radiated is not None:
+            write_sound(part, radiated)
         put_files(part, out)
+    if inputs is None:
+        return
     for line in [*report.summary, *(f"note: {text} [{code}]" for code, text in report.notes)]:
         say(line)
 

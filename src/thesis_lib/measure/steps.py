@@ -21,10 +21,6 @@ from thesis_lib.vision.pinhole import Camera
 CALIBRATION_VARIABLES = schema.read_variables(__file__, "calibration")
 
 
-class StoppedError(RuntimeError):
-    """What tells the thread of one camera that another has failed, or the user wants to stop."""
-
-
 def calibrate_rig(
     manifest: Manifest,
     folder: Path,
@@ -129,7 +125,7 @@ def track_markers(
         def tick(frames: int) -> None:
             nonlocal done
             if stop.is_set():
-                raise StoppedError
+                raise RuntimeError("another camera has failed, or the user wants to stop")
             bar.update(frames - done)
             done = frames
 

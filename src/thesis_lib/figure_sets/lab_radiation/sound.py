@@ -276,8 +276,11 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     plane = planes.Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
     data = found.assign(grid_scale=1.0)  # cameras and grid have no errors
     shapes = of_measurement.shapes_of(data, np.ones(len(markers[0]), bool))
-    rung = of_measurement.tones_of(data)
-    made = radiated.radiate_sound(surface, between, rung, shapes, LISTENER_M, [plane], medium)
+    rung = (2 * np.pi * data["frequency"].values).tolist()
+    decays = of_measurement.decays_of(data)
+    made = radiated.radiate_sound(
+        surface, between, rung, shapes, LISTENER_M, [plane], medium, decays
+    )
     powers = []  # of each mode of the true motion at that moment, W
     shapes_then = rig.motion.amplitudes(surface.places, float(found["zero"]))
     for w, shape in zip(np.abs(rig.motion.poles), shapes_then, strict=True):

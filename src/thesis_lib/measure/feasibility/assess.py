@@ -67,17 +67,16 @@ class Verdict:
     @property
     def outcome(self) -> str:
         """Return which films will do: compressed or lossless ones, none, or why it is unknown."""
-        if self.seen < MIN_SEEN_SHARE:
-            return "unseen"
-        if self.result == "response":
-            return "response"
-        if np.isnan(self.compressed_from_mm):
-            return "unknown"
-        if np.isnan(self.compressed):
-            return "amplitude unknown"
-        if self.compressed <= MAX_SHAPE_ERROR:
-            return "compressed"
-        return "lossless" if self.lossless <= MAX_SHAPE_ERROR else "none"
+        outcomes = {  # the first that applies
+            "unseen": self.seen < MIN_SEEN_SHARE,
+            "response": self.result == "response",
+            "unknown": np.isnan(self.compressed_from_mm),
+            "amplitude unknown": np.isnan(self.compressed),
+            "compressed": self.compressed <= MAX_SHAPE_ERROR,
+            "lossless": self.lossless <= MAX_SHAPE_ERROR,
+            "none": True,
+        }
+        return next(name for name, applies in outcomes.items() if applies)
 
 
 @dataclass(frozen=True)
@@ -169,27 +168,24 @@ def _format_least(value: float, digits: int = 3) -> str:
 
 def _check_times(manifest: Manifest) -> Iterator[Warning]:
     """Check rest and steady-state intervals, for the slowest camera."""
-    rate, limits = min(c.rate_hz for c in manifest.cameras), CHECK_LIMITS
+    rate, f = min(c.rate_hz for c in manifest.cameras), manifest.excitation.frequency_hz or np.nan
     rest, given = manifest.excitation.rest_duration_s, manifest.excitation.steady_interval_s
-    where = "excitation.rest_duration_s"
-    if rest < limits["short-rest"]:
-        yield _warn("short-rest", where, rest=rest)
-    if (frames := rest * rate) < (least := limits["few-rest-frames"]):
-        seconds = _format_least(least / rate)
-        yield _warn("few-rest-frames", where, rest=rest, frames=frames, rate=rate, seconds=seconds)
-    if not given:
-        return
-    where, steady = "excitation.steady_interval_s", prediction.steady_seconds(manifest)
-    rounding = 1e-9  # by which frames and periods may come out too few
-    if (frames := steady * rate) < (least := limits["few-frames"]) - rounding:
-        seconds = _format_least(least / rate)
-        yield _warn("few-frames", where, steady=steady, frames=frames, rate=rate, seconds=seconds)
-    f = np.float64(manifest.excitation.frequency_hz or np.nan)
-    if (periods := steady * f) < (least := limits["few-periods"]) - rounding:
-        seconds = _format_least(least / f)
-        yield _warn("few-periods", where, steady=steady, periods=periods, seconds=seconds)
-    if rest - given[0] > limits["steady-at-rest"]:
-        yield _warn("steady-at-rest", where, begin=given[0], rest=rest)
+    steady = np.float64(given[1] - given[0] if given else np.nan)
+    rest_field, steady_field = "excitation.rest_duration_s", "excitation.steady_interval_s"
+    checks = {  # code: field, what there is, and how much of it in a second
+        "short-rest": (rest_field, rest, 1.0),
+        "few-rest-frames": (rest_field, rest * rate, rate),
+        "few-frames": (steady_field, steady * rate, rate),
+        "few-periods": (steady_field, steady * f, f),
+    }
+    for code, (where, amount, in_second) in checks.items():
+        least = CHECK_LIMITS[code]
+        if amount < least - 1e-9:  # by rounding, frames and periods may come out too few
+            known = {"rest": rest, "steady": steady, "rate": rate}
+            known |= {"frames": amount, "periods": amount}
+            yield _warn(code, where, seconds=_format_least(least / in_second), **known)
+    if given and rest - given[0] > CHECK_LIMITS["steady-at-rest"]:
+        yield _warn("steady-at-rest", steady_field, begin=given[0], rest=rest)
 
 
 def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning]:
@@ -197,41 +193,34 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
     steady, f = prediction.steady_seconds(manifest), manifest.excitation.frequency_hz
     if f is None:
         return
-    seen = float(fold_frequency(f, rate))
-    given = f"the frame rate is {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz"
-    if f >= CHECK_LIMITS["undersampled"] * rate:
-        if not manifest.excitation.undersampled:
-            yield _warn(
-                "undersampled", where, given=given, seen=seen, least=_format_least(2 * f, 6)
-            )
-        else:
-            off = CHECK_LIMITS["alias"] / steady
-            known: dict[str, object] = {"steady": steady, "off": off, "share": off / f}
-            yield _warn("alias", where, given=given, seen=seen, **known)
-            edge, least = min(seen, rate / 2 - seen), CHECK_LIMITS["alias-edge"] / steady
-            if edge < least:
-                yield _warn("alias-edge", where, given=given, edge=edge, least=_format_least(least))
-    elif f > CHECK_LIMITS["near-nyquist"] * rate:
-        least_hz = _format_least(f / CHECK_LIMITS["near-nyquist"], 6)
-        yield _warn("near-nyquist", where, given=given, least=least_hz)
-    elif rate < CHECK_LIMITS["few-samples"] * f:
-        least_hz = _format_least(CHECK_LIMITS["few-samples"] * f, 6)
-        yield _warn("few-samples", where, given=given, least=least_hz)
+    seen, limits = float(fold_frequency(f, rate)), CHECK_LIMITS
+    folded, declared = f >= limits["undersampled"] * rate, manifest.excitation.undersampled
+    near = not folded and f > limits["near-nyquist"] * rate
+    coarse = not folded and not near and rate < limits["few-samples"] * f
+    edge, least_edge = min(seen, rate / 2 - seen), limits["alias-edge"] / steady
+    off = limits["alias"] / steady
+    known: dict[str, Any] = {
+        "given": f"the frame rate is {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz",
+        "seen": seen, "steady": steady, "off": off, "share": off / f, "edge": edge, "rate": rate,
+    }  # fmt: skip
+    checks = {  # code: if wrong, what would do
+        "undersampled": (folded and not declared, _format_least(2 * f, 6)),
+        "alias": (folded and declared, ""),
+        "alias-edge": (folded and declared and edge < least_edge, _format_least(least_edge)),
+        "near-nyquist": (near, _format_least(f / limits["near-nyquist"], 6)),
+        "few-samples": (coarse, _format_least(limits["few-samples"] * f, 6)),
+    }
+    for code, (wrong, least) in checks.items():
+        if wrong:
+            yield _warn(code, where, least=least, **known)
     model = model_of(manifest.structure)
-    if model is None:
-        return
-    many = model.angular_frequencies(MAX_MODES) / (2 * np.pi)
-    others = many[many > MIN_MODE_RATIO * f][:MAX_HIGHER_MODES]
-    for k, own in enumerate(others):
+    many = model.angular_frequencies(MAX_MODES) / (2 * np.pi) if model else np.empty(0)
+    for k, own in enumerate(many[many > MIN_MODE_RATIO * f][:MAX_HIGHER_MODES]):
         rings = float(fold_frequency(own, rate))
-        near = abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
+        near = abs(rings - seen) * steady < limits["higher-modes"]
         if own >= rate / 2 and (k == 0 or near):
-            mode: dict[str, object] = {
-                "own": own,
-                "rings": rings,
-                "least": _format_least(2 * own, 4),
-            }
-            yield _warn("higher-modes", where, rate=rate, seen=seen, **mode)
+            least = _format_least(2 * own, 4)
+            yield _warn("higher-modes", where, own=own, rings=rings, least=least, **known)
             return
 
 
@@ -310,17 +299,16 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
         "errors": prediction.OPTICS_FIELDS,
         "depth of field": (*prediction.OPTICS_FIELDS, "f_number"),
     }
-    groups: dict[tuple[str, str], list[str]] = {}
+    groups: dict[tuple[str, ...], list[str]] = {}
     for camera in manifest.cameras:
-        lacks: dict[str, list[str]] = {}
-        for what, fields in needs.items():
-            if missing := [name for name in fields if getattr(camera, name) is None]:
-                lacks.setdefault(join_words(missing), []).append(what)
-        for fields_text, whats in lacks.items():
-            groups.setdefault((fields_text, join_words(whats)), []).append(camera.name)
-    for (fields_text, what), names in groups.items():
-        known = {"names": f"{'s' * (len(names) > 1)} {join_words(names)}", "fields": fields_text}
-        yield format_message(messages.UNCHECKED_MESSAGES["cameras"], what=what, **known)
+        fields = (name for name in needs["depth of field"] if getattr(camera, name) is None)
+        groups.setdefault(tuple(fields), []).append(camera.name)
+    groups.pop((), None)
+    for missing, names in groups.items():
+        what = join_words(what for what, fields in needs.items() if {*fields} & {*missing})
+        known = {"names": f"{'s' * (len(names) > 1)} {join_words(names)}", "what": what}
+        message = messages.UNCHECKED_MESSAGES["cameras"]
+        yield format_message(message, fields=join_words(missing), **known)
     excitation = manifest.excitation
     is_response = excitation.behaviour.result == "response"
     open_fields = {
@@ -338,7 +326,7 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
 
 
 def describe_assessment(assessment: Assessment) -> list[str]:
-    """Return lines to print: tables, then warnings, then what was not checked; 100 columns."""
+    """Return lines to print: tables, then warnings, then what was not checked."""
     rows = [TABLE_HEADER.split(",")] + [
         [
             one.name,
@@ -356,11 +344,9 @@ def describe_assessment(assessment: Assessment) -> list[str]:
         for one in assessment.table
     ]
     widest, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
-    widest = min(widest, max(6, TEXT_COLUMNS - sum(widths) - 2 * len(widths)))
-    table = []
-    for name, *cells in rows:
-        short = name if len(name) <= widest else f"{name[: widest - 1]}…"
-        table.append("  ".join([short.ljust(widest), *map(str.rjust, cells, widths)]))
+    table = [
+        "  ".join([name.ljust(widest), *map(str.rjust, cells, widths)]) for name, *cells in rows
+    ]
     wrapper = textwrap.TextWrapper(TEXT_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
     text = render(
         __file__,

@@ -27,6 +27,18 @@ DEFAULT_STEADY_S = 1.0  # of steady recording that errors stand for where the ma
 OPTICS_FIELDS = (
     "focal_length_mm", "sensor_width_mm", "distance_mm", "azimuth_deg", "elevation_deg",
 )  # fmt: skip
+_PHONE_FILE = Path(__file__).with_name("phone.toml")
+PHONE_CAMERA = tomllib.loads(_PHONE_FILE.read_text(encoding="utf-8"))
+FIRST_AZIMUTH_DEG, ELEVATION_DEG = 20.0, 30.0  # of the first camera, of all
+DISTANCE_MARGIN = 1.05  # over the distance from which the structure just fits into every image
+MARKER_COLUMNS, MARKER_ROWS = 6, 4  # of a plate's markers, unless they are given
+MAX_DIAMETER_MM = 12.0  # of a marker
+STEADY_INTERVAL_S = [5.0, 35.0]  # half a minute
+REPORTED_FIELDS = (
+    *(name for name in template.ASKED_FIELDS if name != "cameras.exposure_s"),
+    "excitation.amplitude_mm",
+    *(f"cameras.{name}" for name in (*PHONE_CAMERA, "distance_mm", "elevation_deg")),
+)
 
 
 @dataclass(frozen=True)
@@ -262,20 +274,6 @@ def _errors_by_view(variance: Callable[[Mask, Array], Array], points: Array, see
         except np.linalg.LinAlgError:
             result[where] = np.inf
     return result
-
-
-_PHONE_FILE = Path(__file__).with_name("phone.toml")
-PHONE_CAMERA = tomllib.loads(_PHONE_FILE.read_text(encoding="utf-8"))
-FIRST_AZIMUTH_DEG, ELEVATION_DEG = 20.0, 30.0  # of the first camera, of all
-DISTANCE_MARGIN = 1.05  # over the distance from which the structure just fits into every image
-MARKER_COLUMNS, MARKER_ROWS = 6, 4  # of a plate's markers, unless they are given
-MAX_DIAMETER_MM = 12.0  # of a marker
-STEADY_INTERVAL_S = [5.0, 35.0]  # half a minute
-REPORTED_FIELDS = (
-    *(name for name in template.ASKED_FIELDS if name != "cameras.exposure_s"),
-    "excitation.amplitude_mm",
-    *(f"cameras.{name}" for name in (*PHONE_CAMERA, "distance_mm", "elevation_deg")),
-)
 
 
 def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:

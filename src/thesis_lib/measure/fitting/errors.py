@@ -22,7 +22,7 @@ import xarray as xr
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.calibration.bundle_adjustment import step_network, without_boards
 from thesis_lib.measure.fitting import harmonics, reconstruction
-from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series
+from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series, sum_spectra
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
@@ -33,6 +33,16 @@ MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which a marker stands sti
 MIN_AWAKE_RATIO = 0.5  # of it, from which on one certainly does not
 MIN_MOVING_NEIGHBOURS = 6  # markers that move, beside one that stands still
 SLOPE_NEIGHBOURS = 9  # markers that tell the slope of the surface at one of them
+MIN_TONE_POWER_RATIO = 40.0  # times the mean power of what is left that a tone's must be
+MAX_SPECTRUM_FRAMES = 2048  # frames in which another tone is sought
+EXAMINED_SERIES = 8  # image coordinates of each camera that are looked at
+MIN_JUMP_PX = 0.1  # px by which a whole image must jump
+MIN_JUMP_SIGMAS = 8.0  # standard errors that it must jump by
+MAX_JUMP_FRAMES = 4096  # frames that are looked at
+MIN_EDGE_FRAMES = 5  # frames before and after a jump, at least
+MIN_MOTION_SHARE = 0.05  # share of the motion below which a frequency explains none of it
+MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
+SHARED_VARIABLES = read_variables(__file__, "shared_errors")
 
 
 def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
@@ -66,14 +76,19 @@ def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
 
 
 def in_plane(
-    fit: Fitted, omega: float, exposures: Array, places: Array, thickness: float
-) -> tuple[ComplexArray, Array]:
-    """Return motion in the plane that bending does not explain, and what the scatter lets it be.
+    fit: Fitted,
+    omega: float,
+    exposures: Array,
+    places: Array,
+    thickness: float,
+    counted: Mask | slice = slice(None),
+) -> tuple[ComplexArray, float]:
+    """Return motion in the plane that bending does not explain, and over what scatter explains.
 
     Markers are on the surface, half a thickness above the middle of a structure whose normal turns
     with the slope of its deflection: they move in the plane by that slope times a length, which is
-    fitted, and at most the thickness. The motion is along the structure's x and y; the deviations
-    are of each of its two parts, in phase and in quadrature. Both (2, markers), in m.
+    fitted, and at most the thickness. The motion is along the structure's x and y, (2, markers), in
+    m; the ratio is that of rms values over the markers that are counted, NaN where it is unknown.
     """
     u, v, w = harmonics.motion_amplitude(fit, omega, exposures)
     moved, seen = np.array([u, v]), np.isfinite(w)
@@ -89,16 +104,11 @@ def in_plane(
     if square:
         along = float(np.sum((slope.conj() * moved).real[:, known])) / square
         moved = moved - np.clip(along, -thickness, thickness) * np.nan_to_num(slope)
-    deviations = [harmonics.amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)]
-    return moved, np.array(deviations)
-
-
-def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
-    """Return rms in-plane motion over what scatter explains; NaN where unknown."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        squares = np.abs(moved) ** 2 / (2 * deviations**2)
-    known = squares[np.isfinite(squares)]
-    return float(np.sqrt(known.mean())) if known.size else np.nan
+    std = np.array([harmonics.amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)])
+    with np.errstate(invalid="ignore", divide="ignore"):  # std is that of each of two parts
+        squares = (np.abs(moved) ** 2 / (2 * std**2))[:, counted]
+    finite = squares[np.isfinite(squares)]
+    return moved, float(np.sqrt(finite.mean())) if finite.size else np.nan
 
 
 def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> tuple[Array, Array]:
@@ -125,16 +135,6 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
         deviation = np.sqrt(np.sum((change * noise) ** 2, axis=(0, 1)))
         deviations[left_out] = np.where(seen[left_out], deviation, np.nan)
     return shapes, deviations
-
-
-MIN_TONE_POWER_RATIO = 40.0  # times the mean power of what is left that a tone's must be
-MAX_SPECTRUM_FRAMES = 2048  # frames in which another tone is sought
-EXAMINED_SERIES = 8  # image coordinates of each camera that are looked at
-MIN_JUMP_PX = 0.1  # px by which a whole image must jump
-MIN_JUMP_SIGMAS = 8.0  # standard errors that it must jump by
-MAX_JUMP_FRAMES = 4096  # frames that are looked at
-MIN_EDGE_FRAMES = 5  # frames before and after a jump, at least
-MIN_MOTION_SHARE = 0.05  # share of the motion below which a frequency explains none of it
 
 
 def explained_share(
@@ -165,11 +165,7 @@ def explained_share(
         values = np.nan_to_num(values)
         total += float(np.sum((values - values.mean(axis=0)) ** 2)) / len(times)
         left += float(np.sum(rest**2)) / len(times)
-        step = (times[-1] - times[0]) / (len(times) - 1)
-        n = 1 << int(np.ceil(np.log2(8 * len(times))))
-        lines = (np.abs(np.fft.rfft(one, n)) ** 2 for one in rest.T)  # one at a time, for memory
-        spectrum = sum(lines) / len(times) ** 2
-        power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum)
+        power += sum_spectra(grid, times, rest, len(times) ** 2)
         counted = max(counted, len(times))
     if not total or not len(grid):
         return found
@@ -227,10 +223,6 @@ def check_explained(tone: Mapping[str, float], given: float) -> None:
             f"{max(tone['explained'], 0):.1%} of the motion; most of it is near "
             f"{tone['other_frequency']:.3g} Hz: allowed: the frequency of the motion, or null"
         )
-
-
-MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
-SHARED_VARIABLES = read_variables(__file__, "shared_errors")
 
 
 def common_errors(

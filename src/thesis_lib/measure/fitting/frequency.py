@@ -17,7 +17,7 @@ import scipy
 import xarray as xr
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_harmonics, sums_of
+from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_harmonics, fit_parts
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.triangulation import image_jacobian
 
@@ -27,6 +27,8 @@ MIN_KNOWN = 0.5  # share of the frames in which a coordinate must be known
 MIN_EXPLAINED_SHARE = 0.5  # of their variance that one frequency must explain
 PHASE_PARTS = 12  # parts whose phases are compared
 MIN_PART_FRAMES = 16  # frames of such a part
+MIN_CLOCK_SIGMAS = 5.0  # standard errors from which on a clock is corrected
+LEAST_TURN = 0.01  # rad over the recording, or of the phase, below which it is not worth it
 
 
 class FrequencyError(ValueError):
@@ -51,13 +53,8 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
     if not lowest < highest:
         raise FrequencyError(f"{length:.2f} s of motion are too short to look for its frequency")
     grid = np.arange(lowest, highest, 1 / (4 * length))
-    power = np.zeros_like(grid)
-    for times, values in series:
-        n = 1 << int(np.ceil(np.log2(8 * len(times))))
-        step = float(times[-1] - times[0]) / (len(times) - 1)
-        spectrum = np.abs(np.fft.rfft(np.nan_to_num(values), n, axis=0)) ** 2
-        power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum.sum(axis=1))
-    peak = float(grid[np.argmax(power)])
+    spectra = [sum_spectra(grid, times, np.nan_to_num(values)) for times, values in series]
+    peak = float(grid[np.argmax(np.sum(spectra, axis=0))])
 
     def sum_residuals(frequency: float) -> float:
         omega = 2 * np.pi * frequency
@@ -77,6 +74,14 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
             "give excitation.frequency_hz"
         )
     return float(found.x)
+
+
+def sum_spectra(grid: Array, times: Array, values: Array, divisor: float = 1.0) -> Array:
+    """Return the power of all values (times, series) at frequencies in Hz, over a divisor."""
+    step = (times[-1] - times[0]) / (len(times) - 1)
+    n = 1 << int(np.ceil(np.log2(8 * len(times))))
+    lines = (np.abs(np.fft.rfft(one, n)) ** 2 for one in values.T)  # one at a time, for memory
+    return np.interp(grid, np.fft.rfftfreq(n, step), sum(lines) / divisor)
 
 
 def liveliest_series(
@@ -137,7 +142,7 @@ def _fit_parts(
             t, uv = own.read_tracks(low, high)
             if not len(t):
                 continue
-            fit = sums_of(omega, t, uv, order).solve()
+            fit = fit_parts(omega, [(t, uv)], order)
             amplitudes.append((fit.coefficients[1] - 1j * fit.coefficients[2]).ravel())
             times.append(0.5 * (low + high))
         if len(amplitudes) < 3:
@@ -180,10 +185,6 @@ def refine_frequency(start: float, motion: Advance, sound: xr.Dataset) -> float:
     known = [(error, value) for error, value in found if np.isfinite([error, value]).all()]
     error, value = min(known, default=(np.nan, start))
     return value if abs(value - start) > 3 * error else start
-
-
-MIN_CLOCK_SIGMAS = 5.0  # standard errors from which on a clock is corrected
-LEAST_TURN = 0.01  # rad over the recording, or of the phase, below which it is not worth it
 
 
 def estimate_paces(

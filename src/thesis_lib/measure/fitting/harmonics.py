@@ -7,18 +7,23 @@ memory.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray
 from thesis_lib.measure.fitting import reconstruction
 from thesis_lib.measure.recordings.board import Markers
+from thesis_lib.measure.recordings.manifest import Manifest
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole
 
 INSTANTS = 16  # of a period, at which harmonics are triangulated
+#: Trial frequencies about that of a vibration, in cycles per recording: the fit has taken what is
+#: nearer, and further away the noise may be another
+NEAR_CYCLES = np.r_[-8:-1, 2:9]
 
 
 @dataclass(frozen=True)
@@ -76,54 +81,31 @@ def harmonic_basis(omega: float, times: ArrayLike, order: int) -> Array:
     return np.stack(columns, axis=-1)
 
 
-@dataclass(frozen=True)
-class Sums:
-    """Sums of a least-squares fit of harmonics to values of shape (times, ...)."""
+def fit_parts(omega: float, parts: Iterable[tuple[Array, Array]], order: int = 2) -> Harmonics:
+    """Return the harmonics of values that come part by part, as of :func:`fit_harmonics`.
 
-    matrix: Array  #: Normal equations of every series, n = 1 + 2 order, shape (series, n, n)
-    right: Array  #: Their right sides, shape (series, n)
-    squares: Array  #: Sum of the squares of the values, shape (series,)
-    count: IntArray  #: Number of known values, shape (series,)
-    shape: tuple[int, ...]  #: Shape of the series
-
-    def __add__(self, other: Sums) -> Sums:
-        names = ("matrix", "right", "squares", "count")
-        return replace(self, **{n: getattr(self, n) + getattr(other, n) for n in names})
-
-    def solve(self) -> Harmonics:
-        """Solve for the harmonics; NaN for a series with fewer values than coefficients plus two.
-
-        The scatter is found to about 1e-8 of the values: they should be those about a mean.
-        """
-        n = self.right.shape[1]
-        enough = self.count >= n + 2
-        inverse = np.linalg.inv(np.where(enough[:, None, None], self.matrix, np.eye(n)))
-        solution = np.einsum("sij,sj->is", inverse, self.right)
-        left = np.maximum(self.squares - np.einsum("is,si->s", solution, self.right), 0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            sigma = np.sqrt(left / (self.count - n))
-        solution[:, ~enough], sigma[~enough] = np.nan, np.nan
-        return Harmonics(
-            solution.reshape((n, *self.shape)),
-            np.moveaxis(inverse, 0, 2).reshape((n, n, *self.shape)),
-            sigma.reshape(self.shape),
-        )
-
-
-def sums_of(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Sums:
-    """Compute the sums that values (times, ...) add to a fit of harmonics; NaN is left out."""
-    values = np.asarray(values, float)
-    A = harmonic_basis(omega, times, order)
-    flat = values.reshape(len(A), -1)
-    known = np.isfinite(flat)
-    filled = np.where(known, flat, 0.0)
-    return Sums(
-        np.einsum("ti,tj,ts->sij", A, A, known.astype(float), optimize=True),
-        np.einsum("ti,ts->si", A, filled),
-        np.sum(filled**2, axis=0),
-        known.sum(axis=0),
-        values.shape[1:],
-    )
+    Parts are times (n,) and values (n, ...), NaN where missing. The scatter is found to about 1e-8
+    of the values: they should be those about a mean.
+    """
+    matrix, right, squares, count = (np.zeros(1) for _ in range(4))  # normal equations, and sums
+    for times, values in parts:
+        A, shape = harmonic_basis(omega, times, order), values.shape[1:]
+        flat = values.reshape(len(A), -1)
+        known = np.isfinite(flat)
+        filled = np.where(known, flat, 0.0)
+        matrix = matrix + np.einsum("ti,tj,ts->sij", A, A, known.astype(float), optimize=True)
+        right = right + np.einsum("ti,ts->si", A, filled)
+        squares, count = squares + np.sum(filled**2, axis=0), count + known.sum(axis=0)
+    n = 1 + 2 * order
+    enough = count >= n + 2
+    inverse = np.linalg.inv(np.where(enough[:, None, None], matrix, np.eye(n)))
+    solution = np.einsum("sij,sj->is", inverse, right)
+    left = np.maximum(squares - np.einsum("is,si->s", solution, right), 0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sigma = np.sqrt(left / (count - n))
+    solution[:, ~enough], sigma[~enough] = np.nan, np.nan
+    covariance = np.moveaxis(inverse, 0, 2).reshape((n, n, *shape))
+    return Harmonics(solution.reshape((n, *shape)), covariance, sigma.reshape(shape))
 
 
 def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Harmonics:
@@ -145,13 +127,12 @@ def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int 
     Harmonics
         NaN for a series with fewer values than coefficients plus two.
     """
-    values = np.asarray(values, float)
-    sums = sums_of(omega, times, values, order)
-    found = sums.solve()
+    times, values = np.asarray(times, float), np.asarray(values, float)
+    found = fit_parts(omega, [(times, values)], order)
     # The scatter from the residuals themselves; the sums lose it in the squares of the values.
-    left = np.nansum((values - found.at(omega, times)) ** 2, axis=0)
+    left, count = values - found.at(omega, times), np.isfinite(values).sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(left / (sums.count.reshape(sums.shape) - len(found.coefficients)))
+        sigma = np.sqrt(np.nansum(left**2, axis=0) / (count - len(found.coefficients)))
     return replace(found, sigma=np.where(np.isnan(found.sigma), np.nan, sigma))
 
 
@@ -262,11 +243,6 @@ def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
     return np.asarray(np.real(amplitude * np.exp(-1j * phase)), float)
 
 
-#: Trial frequencies about that of a vibration, in cycles per recording: the fit has taken what is
-#: nearer, and further away the noise may be another
-NEAR_CYCLES = np.r_[-8:-1, 2:9]
-
-
 def fit_tracks(
     recordings: Sequence[Recording],
     rest: Array,
@@ -284,21 +260,38 @@ def fit_tracks(
     times.
     """
     fits = []
-    for own, middle in zip(recordings, rest, strict=True):
-        sums: list[Sums] = []  # part by part, about the markers' places at rest
-        for times, uv in own.parts(begin, end):
-            middle = np.where(np.isfinite(middle), middle, mean_of(uv))
-            part = sums_of(omega, times, uv - middle, order)
-            sums = [sums[0] + part if sums else part]
-        fits.append(sums[0].solve().raised(middle).earlier(omega, row_delays(own, middle)))
+    for own, middle in zip(recordings, rest.copy(), strict=True):
+        found = fit_parts(omega, _parts_about(middle, own.parts(begin, end)), order)
+        fits.append(found.raised(middle).earlier(omega, row_delays(own, middle)))
     middle = np.array([own.coefficients[0] for own in fits])
     places = np.where(np.isfinite(rest), rest, middle)  # of markers that were hidden at first
     return Fitted([own.camera for own in recordings], fits, places, frame)
 
 
+def _parts_about(
+    middle: Array, parts: Iterable[tuple[Array, Array]]
+) -> Iterator[tuple[Array, Array]]:
+    """Yield parts about places (2, markers), which are completed where they are NaN."""
+    for times, uv in parts:
+        middle[:] = np.where(np.isfinite(middle), middle, mean_of(uv))
+        yield times, uv - middle
+
+
 def at_rest(own: Recording, seconds: float) -> Array:
     """Return the mean centres before the motion, without distortion, (2, markers), px."""
     return mean_of(own.read_tracks(own.delay, own.delay + seconds - 1 / own.rate)[1])
+
+
+def rest_of(
+    manifest: Manifest, recordings: Sequence[Recording], seconds: float
+) -> reconstruction.Rest:
+    """Return the markers at rest, by their mean places up to so many seconds."""
+    markers, cameras = markers_of(manifest), [own.camera for own in recordings]
+    still = np.array([at_rest(own, seconds) for own in recordings])
+    frame = reconstruction.check_frame(cameras, still, markers)
+    points, _ = reconstruction.triangulate_seen(pinhole.projection_matrices(cameras), still)
+    thickness = manifest.structure.thickness_mm / 1000
+    return reconstruction.Rest(still, frame, points, markers.centres, thickness)
 
 
 def row_delays(own: Recording, uv: Array) -> Array:

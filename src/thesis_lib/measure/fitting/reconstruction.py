@@ -73,16 +73,13 @@ def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
 
     Raises
     ------
-    ValueError
+    ChainError
         If fewer than three markers are known.
     """
     points, nominal = np.asarray(points, float), np.asarray(nominal, float)
     known = np.isfinite(points).all(axis=0)
     if np.count_nonzero(known) < 3:
-        raise ValueError(
-            f"only {np.count_nonzero(known)} markers at rest are known from two cameras or more, "
-            "3 are needed"
-        )
+        raise ChainError("fewer than three markers at rest are seen by two cameras")
     measured, grid = points[:, known], nominal[:, known]
     a, b = measured.mean(axis=1), grid.mean(axis=1)
     m, g = measured - a[:, None], grid - b[:, None]
@@ -95,7 +92,15 @@ def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
     return Frame(R, a - R.T @ b, rms, scale, tilt)
 
 
-# One instant.
+@dataclass(frozen=True)
+class Rest:
+    """The markers at rest."""
+
+    images: Array  #: Centres without distortion, px, shape (cameras, 2, markers)
+    frame: Frame  #: The structure's
+    points: Array  #: In the calibration's frame, m, shape (3, markers)
+    places: Array  #: On the structure, m, shape (2, markers)
+    thickness: float = 0.0  #: Of the structure, m
 
 
 def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: int = 6) -> Array:
@@ -146,9 +151,6 @@ def measure_instant(
     return deflection_at(P, frame, rest, uv), height_deviation(P, frame, points, common)
 
 
-# What noise of the centres does.
-
-
 def normal_gain(P: Array, frame: Frame, points: Array, seen: Mask, axis: int = 2) -> Array:
     """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px.
 
@@ -183,12 +185,11 @@ def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
 def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
     """Return the structure's frame from undistorted markers at rest, (cameras, 2, markers).
 
-    Those on one line are refused; and those that do not fit their places, with the camera that fits
-    worst.
+    Refuse those on one line, those that do not fit their places, with the camera that fits worst,
+    and those that all cameras see from behind.
     """
     points, seen = triangulate_seen(projection_matrices(cameras), rest)
-    if np.count_nonzero(seen >= 2) < 3:
-        raise ChainError("fewer than three markers at rest are seen by two cameras")
+    frame = fit_grid(points, markers.world[:, : markers.count])
     places = 1000 * markers.centres[:, seen >= 2]
     if on_one_line(places, 1000 * markers.diameter):
         raise ChainError(
@@ -196,10 +197,15 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
             "line, which does not tell how the structure is turned about it: move a camera, or add "
             "markers beside the line"
         )
-    frame = fit_grid(points, markers.world[:, : markers.count])
     most = GRID_SHARE * float(markers.nearest.min())
     if frame.rms <= most and abs(frame.scale - 1) <= GRID_SCALE:
-        return frame
+        if np.any(frame.to_beam(np.array([c.centre for c in cameras]).T)[2] >= 0):
+            return frame
+        raise ChainError(
+            "every camera would be below the structure: corners_px run the wrong way round in all "
+            "of them, as in a mirror; allowed: (0, 0), (length, 0), (length, width), (0, width), "
+            "with x and y as the markers' places have them"
+        )
     off = misfit_at_rest(cameras, rest)
     worst = int(np.nanargmax(off))
     who = f"camera {cameras[worst].name} fits worst, by {off[worst]:.1f} px: "
@@ -212,14 +218,3 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
         "videos and board images those of the same cameras, and tile and spacings as the "
         "manifest says?"
     )
-
-
-def check_sides(frame: Frame, cameras: Sequence[Camera]) -> None:
-    """Refuse markers that all cameras see from behind: corners_px run the wrong way round."""
-    heights = frame.to_beam(np.array([c.centre for c in cameras]).T)[2]
-    if np.all(heights < 0):
-        raise ChainError(
-            "every camera would be below the structure: corners_px run the wrong way round in all "
-            "of them, as in a mirror; allowed: (0, 0), (length, 0), (length, width), (0, width), "
-            "with x and y as the markers' places have them"
-        )

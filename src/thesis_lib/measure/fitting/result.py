@@ -156,9 +156,8 @@ def shape_result(
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     excitation = manifest.excitation
     still_s = excitation.rest_duration_s or end  # if never at rest, their mean place
-    rest = np.array([harmonics.at_rest(own, still_s) for own in recordings])
-    frame = reconstruction.check_frame(cameras, rest, markers)
-    reconstruction.check_sides(frame, cameras)
+    still = harmonics.rest_of(manifest, recordings, still_s)
+    rest, frame = still.images, still.frame
     given = float(sound["frequency"])
     start = given if np.isfinite(given) else clocks.look_for(recordings, begin, end)
     order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
@@ -187,11 +186,9 @@ def shape_result(
     turned = complex_shape * np.exp(-1j * phase)
     shape, error = turned.real, harmonics.amplitude_std(fit, omega, exposures)
     usual = np.nanmedian(scatter, axis=-1, keepdims=True)
-    still = scatter < errors.MAX_FROZEN_RATIO * usual  # which markers compression freezes
-    moving = ~still.any(axis=0)
-    thickness = manifest.structure.thickness_mm / 1000
-    moved, allowed = errors.in_plane(fit, omega, exposures, markers.centres, thickness)
-    more = errors.in_plane_excess(moved[:, moving], allowed[:, moving])
+    frozen = scatter < errors.MAX_FROZEN_RATIO * usual  # which markers compression freezes
+    moving = ~frozen.any(axis=0)
+    moved, more = errors.in_plane(fit, omega, exposures, markers.centres, still.thickness, moving)
     wide = max(np.nan_to_num(more), 1.0)
     tone = errors.explained_share(recordings, begin, end, frequency, order)
     asked = np.nan if excitation.frequency_hz is None else excitation.frequency_hz
@@ -222,7 +219,7 @@ def shape_result(
         "cameras_seen": np.isfinite(fit.sigma).all(axis=1).sum(axis=0),
         "missing": [share_lost(own) for own in recordings],
         "centre_scatter": scatter,
-        "frozen": still.astype(int),
+        "frozen": frozen.astype(int),
         "held_back": [size for _, size in softened],
         "without_camera": without,
         "without_deviation": differs,

@@ -9,16 +9,16 @@ import scipy
 import xarray as xr
 
 from thesis_lib.arrays import Array, ArrayLike, stack_padded
-from thesis_lib.measure.fitting import errors, harmonics, reconstruction, result
+from thesis_lib.measure.fitting import errors, harmonics, result
+from thesis_lib.measure.fitting.reconstruction import Rest
 from thesis_lib.measure.modes import poles as fits, shapes as motions
 from thesis_lib.measure.modes.poles import Poles, TrackBlock
-from thesis_lib.measure.modes.shapes import Rest, Track
+from thesis_lib.measure.modes.shapes import Track
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
 from thesis_lib.studies.cubes import complex_of
 from thesis_lib.studies.schema import label_values, read_variables, split_complex
-from thesis_lib.vision.pinhole import projection_matrices
 
 MAX_MODES = 8  # modes that are sought if their number is not given
 FURTHER_MODES = 2  # further modes that are tried, to see which hold
@@ -288,7 +288,7 @@ def modes_result(
     exports take. With a covariance it has ``SHARED_VARIABLES`` of
     :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors of shapes hold it.
     """
-    rest = rest_of(manifest, recordings)
+    rest = harmonics.rest_of(manifest, recordings, manifest.excitation.rest_duration_s)
     frame_off = result.size_off(rest.frame.scale)
     begin, end = fit_window(manifest, sound, recordings)
     seen = motions.tracks_of(recordings, begin, end)
@@ -333,18 +333,6 @@ def modes_result(
     omegas = 2 * np.pi * found["frequency"].values * np.sqrt(1 - found["damping"].values ** 2)
     rows = errors.common_errors(images, markers_of(manifest), omegas.tolist(), still, covariance)
     return errors.with_common_errors(data, rows, turns)
-
-
-def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Rest:
-    """Return the markers at rest."""
-    markers, cameras = markers_of(manifest), [own.camera for own in recordings]
-    seconds = manifest.excitation.rest_duration_s
-    still = np.array([harmonics.at_rest(own, seconds) for own in recordings])
-    frame = reconstruction.check_frame(cameras, still, markers)
-    reconstruction.check_sides(frame, cameras)
-    points, _ = reconstruction.triangulate_seen(projection_matrices(cameras), still)
-    thick = manifest.structure.thickness_mm / 1000
-    return Rest(still, frame, points, markers.centres, thick)
 
 
 def fit_window(

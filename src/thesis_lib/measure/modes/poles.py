@@ -31,6 +31,14 @@ from thesis_lib.arrays import Array, IntArray, Mask
 MAX_CONDITION = 1e12  # of the normal equations over the frames of a marker that are still solved
 MAX_STEPS = 100  # of the fit; from a coarse start it needs about ten
 MIN_GAIN = 1e-6  # of a step, over the residuals' mean square: it is 0.001 standard errors long
+POINTS_PER_FRAME = 8  # grid points between frames; and in a period of the highest frequency
+MIN_POWER = 1e-12
+PRINCIPAL_SERIES = 16  # principal motions of a camera's markers whose powers are summed
+POINTS_PER_LINE = 4  # points of the spectrum in one over the length of the recording
+STANDS_OUT = 4.0  # power of a line over the noise about it, from which on it is a mode
+TRIAL_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0)  # trial decays over the length of the recording
+MAX_RELATIVE_OFFSET = 0.01  # of a given frequency, within which its line is sought
+MIN_MODE_SPACING = 1.0  # of one over that length, within which two modes are not told apart
 
 
 @dataclass(frozen=True)
@@ -199,12 +207,6 @@ def fit_poles(blocks: Sequence[TrackBlock], start: Array, damped: bool) -> Poles
     return Poles(rates, covariance, each, deviation)
 
 
-POINTS_PER_FRAME = 8  # grid points between frames; and in a period of the highest frequency
-MIN_POWER = 1e-12
-PRINCIPAL_SERIES = 16  # principal motions of a camera's markers whose powers are summed
-POINTS_PER_LINE = 4  # points of the spectrum in one over the length of the recording
-
-
 @dataclass(frozen=True)
 class Spectrum:
     """Power over frequency of what is left."""
@@ -244,12 +246,6 @@ def residual_spectrum(
         own = np.interp(even, np.arange(len(lines)) / (length * step), lines)
         logs += np.log(np.maximum(own / max(float(np.median(own)), MIN_POWER), MIN_POWER))
     return Spectrum(even, np.exp(logs / len(blocks)))
-
-
-STANDS_OUT = 4.0  # power of a line over the noise about it, from which on it is a mode
-TRIAL_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0)  # trial decays over the length of the recording
-MAX_RELATIVE_OFFSET = 0.01  # of a given frequency, within which its line is sought
-MIN_MODE_SPACING = 1.0  # of one over that length, within which two modes are not told apart
 
 
 def search_modes(

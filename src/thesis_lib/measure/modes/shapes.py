@@ -21,12 +21,23 @@ import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import harmonics
-from thesis_lib.measure.fitting.errors import in_plane, in_plane_excess, restore_scatter
+from thesis_lib.measure.fitting.errors import in_plane, restore_scatter
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
-from thesis_lib.measure.fitting.reconstruction import Frame
+from thesis_lib.measure.fitting.reconstruction import Rest
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
+
+NEIGHBOUR_COUNT = 8  # neighbours of a marker
+MAX_SPREADS = 8.0  # spreads over the neighbours, and usual distances from them, that one may be off
+MIN_WORST_RATIO = 0.3  # of a marker's largest distance, below which it waits for the next look
+MAX_LOOKS = 6
+# Times the usual error, from which on a camera has no part in a marker's result
+MAX_ERROR_RATIO = 8.0
+ASSUMED_START_STD_S = 0.01  # s by which starts are thought to be off at most, rather
+# Of a phase's square over its error's that counts: one mode alone decides nothing
+MAX_PHASE_CHI2 = 100.0
+PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
 
 
 @dataclass(frozen=True)
@@ -61,12 +72,6 @@ def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list
         times, uv = own.read_tracks(begin, end)
         found.append(Track(own.camera, times, uv, own.exposure, own.readout, rows))
     return found
-
-
-NEIGHBOUR_COUNT = 8  # neighbours of a marker
-MAX_SPREADS = 8.0  # spreads over the neighbours, and usual distances from them, that one may be off
-MIN_WORST_RATIO = 0.3  # of a marker's largest distance, below which it waits for the next look
-MAX_LOOKS = 6
 
 
 def without_strays(track: Track, places: Array) -> Track:
@@ -120,21 +125,6 @@ def _median(values: Array) -> Array:
         for place in ((count - 1) // 2, count // 2)
     )
     return np.asarray(0.5 * (low + high), float)
-
-
-# Times the usual error, from which on a camera has no part in a marker's result
-MAX_ERROR_RATIO = 8.0
-
-
-@dataclass(frozen=True)
-class Rest:
-    """The markers at rest."""
-
-    images: Array  #: Centres without distortion, px, shape (cameras, 2, markers)
-    frame: Frame  #: The structure's
-    points: Array  #: In the calibration's frame, m, shape (3, markers)
-    places: Array  #: On the structure, m, shape (2, markers)
-    thickness: float = 0.0  #: Of the structure, m
 
 
 @dataclass(frozen=True)
@@ -202,8 +192,7 @@ def estimate_shapes(
             for one, images_at in zip(seen, images, strict=True)
         ]
         fit = harmonics.Fitted(cameras, own, rest.images, rest.frame)
-        moved, allowed = in_plane(fit, omega, still, rest.places, rest.thickness)
-        more = in_plane_excess(moved, allowed)
+        _, more = in_plane(fit, omega, still, rest.places, rest.thickness)
         error = harmonics.amplitude_std(fit, omega, still) * max(np.nan_to_num(more), 1.0)
         turn, turn_error = phase_lags(fit, omega, still)
         along = harmonics.deflection_amplitude(fit, omega, still)
@@ -236,12 +225,6 @@ def remove_nonlinearity(
     lifted = rest.points[:, None] + normal[:, None, None] * heights
     true = np.moveaxis(pinhole.project(P, lifted)[0], 0, 1) - pinhole.project(P, rest.points)[0]
     return replace(track, uv=track.uv - (true - linear))
-
-
-ASSUMED_START_STD_S = 0.01  # s by which starts are thought to be off at most, rather
-# Of a phase's square over its error's that counts: one mode alone decides nothing
-MAX_PHASE_CHI2 = 100.0
-PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
 
 
 def camera_lags(found: Sequence[Shape], poles: fits.Poles) -> tuple[Array, Array]:

@@ -23,6 +23,8 @@ MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their pl
 # Times what noise explains, up to which a model's modes are taken for the shape
 MAX_MODEL_CHI = 3.0
 PLANE_SHAPE = (61, 41)  # points of a plane
+SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s
+FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
 
 
 def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
@@ -49,9 +51,8 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     _check(data, known, structure)
     markers = structure.marker_points[:, known]
     size, corners = structure.extent, asked.corners(structure)
-    tones = tones_of(several)
-    highest = max(tone.omega for tone in tones)
-    count = radiated.count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
+    omegas = (2 * np.pi * several["frequency"].values).tolist()
+    count = radiated.count_nodes(tuple(np.ptp(corners, axis=0)), max(omegas), asked.medium)
     surface = surfaces.Surface.from_outline(corners, count, (size[0] / 2, size[1] / 2))
     shapes = shapes_of(several, known)
     screens = [surfaces.Screen.from_outline(corners, cells) for cells in radiated.SCREEN_CELLS]
@@ -64,14 +65,13 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     low = asked.plane_bottom_mm / 1000
     high = asked.plane_top_mm / 1000 if asked.plane_top_mm else low + max(size)
     planes = [Plane(name, half, low, high, PLANE_SHAPE) for name in ("XZ", "YZ")]
-    made = radiated.radiate_sound(
-        surface, between, tones, shapes, asked.points, planes, asked.medium
-    )
+    whole = omegas, shapes, asked.points, planes, asked.medium, decays_of(several)
+    made = radiated.radiate_sound(surface, between, *whole)
     change = radiated.estimate_change(
         surface,
         moving,
         [*zip(screens, others, strict=True)],
-        [tone.omega for tone in tones],
+        omegas,
         shapes,
         asked.medium,
         float(np.ptp(corners, axis=0).min()),
@@ -98,18 +98,16 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     return made.merge(change).assign_attrs(told)
 
 
-def tones_of(data: xr.Dataset) -> list[radiated.Tone]:
-    """Return the frequencies in rad/s, and of modes that decay how fast, in 1/s.
+def decays_of(data: xr.Dataset) -> Array | None:
+    """Return decay rates in 1/s and how they err, as :func:`.radiate_sound` takes them.
 
-    The data have ``frequency`` in Hz along ``mode``; of modes that decay ``damping`` and what of
-    ``thesis_lib.measure.modes.identify.VARIABLES`` tells how it errs, too.
+    The data are those of :func:`thesis_lib.measure.modes.identify.modes_result`, or of one tone;
+    None of steady tones.
     """
-    omega = 2 * np.pi * data["frequency"].values
-    if not data.get("damping", np.zeros(1)).any():  # tones are steady
-        return [radiated.Tone(float(one)) for one in omega]
-    rates = omega * data["damping"].values, omega * data["damping_deviation"].values
-    columns = zip(omega, *rates, data["scale_deviation"].values, strict=True)
-    return [radiated.Tone(*map(float, one)) for one in columns]
+    if not data.get("damping", np.zeros(1)).any():
+        return None
+    rates = 2 * np.pi * data["frequency"] * data[["damping", "damping_deviation"]]
+    return np.array([*rates.data_vars.values(), data["scale_deviation"]])
 
 
 def _check(data: xr.Dataset, known: Mask, structure: manifest_parts.StructureSpec) -> None:
@@ -170,10 +168,6 @@ def _choose_motion(
     step = radiated.largest_gap(markers)
     held = radiated.edge_places(corners, asked.held_edges(structure.kind), step)
     return radiated.by_spline(markers, held, places)
-
-
-SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s
-FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
 
 
 def write_sound(folder: Path, data: xr.Dataset) -> None:

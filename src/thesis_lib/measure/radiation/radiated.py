@@ -35,6 +35,17 @@ MARKERS_PER_WAVE = 3  # to the length of the shortest mode that is fitted
 TELL_APART = 30.0  # largest condition number of a fit
 EDGE_POINTS = 12  # places on a marker's edge
 MAX_TRIED_MODES = 60  # modes that are tried
+OCTAVE_RATIO = 10**0.3  # base ten, as the standard has it
+NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
+ALL_TONES = "all"
+SURFACE_NODES = 1600  # of the surface
+PER_WAVE = 8  # nodes to the length of a sound wave, at least
+LISTED_RADIATION_MODES = 6  # radiation modes that are told
+DECIBELS_PER_NEPER = 10 / np.log(10)
+VARIABLES = read_variables(__file__, "sound")
+#: Cells of the screen, and of one whose answer differs by the error: 0.1 dB or less
+SCREEN_CELLS = (400, 200)
+NO_WALL_VARIABLES = read_variables(__file__, "without_wall")
 
 
 @dataclass(frozen=True)
@@ -145,11 +156,6 @@ def edge_places(corners: Array, edges: list[int], step: float) -> Array:
     return np.unique(np.round(np.concatenate(found, axis=1), 9), axis=1)
 
 
-OCTAVE_RATIO = 10**0.3  # base ten, as the standard has it
-NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
-ALL_TONES = "all"
-
-
 def group_octaves(hertz: ArrayLike) -> dict[str, IntArray]:
     """Return the tones in each octave, by its nominal centre in Hz; before them all together.
 
@@ -168,46 +174,31 @@ def group_octaves(hertz: ArrayLike) -> dict[str, IntArray]:
     return {ALL_TONES: np.arange(len(f))} | {name: own for name, own in found.items() if len(own)}
 
 
-SURFACE_NODES = 1600  # of the surface
-PER_WAVE = 8  # nodes to the length of a sound wave, at least
-LISTED_RADIATION_MODES = 6  # radiation modes that are told
-DECIBELS_PER_NEPER = 10 / np.log(10)
-VARIABLES = read_variables(__file__, "sound")
-
-
-@dataclass(frozen=True)
-class Tone:
-    """A vibration of one frequency, at one moment if it decays."""
-
-    omega: float  #: In rad/s
-    decay: float = 0.0  #: Rate α in 1/s, e^(−αt)
-    decay_error: float = 0.0  #: Its standard error
-    #: Relative standard error of the amplitudes that comes with it: a faster decay began larger
-    size_error: float = 0.0
-
-
 def radiate_sound(
     surface: surfaces.Surface,
     between: Between,
-    tones: Sequence[Tone],
+    omegas: Sequence[float],
     shapes: estimates.Amplitudes,
     points: Array,
     planes: Sequence[Plane],
     medium: radiation.Medium,
+    decays: Array | None = None,
 ) -> xr.Dataset:
-    """Compute the sound that a surface radiates at some frequencies.
+    """Compute the sound that a surface radiates at some frequencies in rad/s.
 
     Shapes are of the markers in m, one tone after the other, with what errors they have in common;
     `between` tells how the surface's nodes move by them. The pressure is wanted at points (3, n) in
-    m from the surface's centre, the field in planes that are all of one size. The result has
-    :data:`VARIABLES`, those of a decay if there is one.
+    m from the surface's centre, the field in planes that are all of one size. Tones that decay have
+    rates α in 1/s, e^(−αt), their standard errors, and the relative ones of amplitudes that come
+    with these, for a faster decay began larger: (3, tones). The result has :data:`VARIABLES`, those
+    of a decay if there is one.
     """
-    n, B = len(shapes.value) // len(tones), between.moving
-    places = np.arange(len(tones) * n).reshape(-1, n)
+    n, B = len(shapes.value) // len(omegas), between.moving
+    places = np.arange(len(omegas) * n).reshape(-1, n)
     shown = (len(planes), *planes[0].shape)
     ways, rows, told = [], [], []
-    for tone, place in zip(tones, places, strict=True):
-        shape, omega = shapes.part(place), tone.omega
+    for omega, place in zip(omegas, places, strict=True):
+        shape = shapes.part(place)
         form = surface.power_form(B, omega, medium)
         found = estimates.estimate_quadratic_form(form, shape)
         power = estimates.widen_error(found, surface.sum_std)
@@ -248,8 +239,8 @@ def radiate_sound(
             }
         )
     values: dict[str, Any] = {name: np.array([one[name] for one in told]) for name in told[0]}
-    if any(tone.decay for tone in tones):
-        values |= _of_decays(tones, values["power"], values["power_error"])
+    if decays is not None:
+        values |= _of_decays(decays, values["power"], values["power_error"])
     bands = group_octaves(values["frequency"])
     within = [shapes.part(places[band].ravel()) for band in bands.values()]
     values |= _of_bands([*bands.values()], within, ways, rows, surface.sum_std)
@@ -259,17 +250,17 @@ def radiate_sound(
     return data.set_coords(["frequency", "place", "u", "z"])
 
 
-def _of_decays(tones: Sequence[Tone], power: Array, error: Array) -> dict[str, Array]:
+def _of_decays(decays: Array, power: Array, error: Array) -> dict[str, Array]:
     """Return the energies W / 2α. An error of α that made W too large makes the time too short.
 
     NaN of a mode that does not seem to die away.
     """
-    every, wrong, size = np.array([(t.decay, t.decay_error, t.size_error) for t in tones]).T
-    alpha = np.where(every > 0, every, np.nan)
+    decay, wrong, size = decays
+    alpha = np.where(decay > 0, decay, np.nan)
     energy = power / (2 * alpha)
     square = (error / power) ** 2 - (2 * size) ** 2 + (2 * size - wrong / alpha) ** 2
     return {
-        "decay": every,
+        "decay": decay,
         "energy": energy,
         "energy_error": np.abs(energy) * np.sqrt(np.maximum(square, 0)),
     }
@@ -319,11 +310,6 @@ def count_nodes(extent: tuple[float, float], omega: float, medium: radiation.Med
     """Return how many nodes a surface of an extent in m needs."""
     wave = 2 * np.pi * medium.speed_of_sound / omega
     return max(SURFACE_NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
-
-
-#: Cells of the screen, and of one whose answer differs by the error: 0.1 dB or less
-SCREEN_CELLS = (400, 200)
-NO_WALL_VARIABLES = read_variables(__file__, "without_wall")
 
 
 def estimate_change(

@@ -17,8 +17,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from PIL import Image as Pictures
 
-from thesis_lib.arrays import Array, NDArray
-from thesis_lib.files import whole_file
+from thesis_lib.arrays import NDArray
 from thesis_lib.measure.exchange.files import marker_edges, marker_faces
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.media_info import file_address
@@ -48,7 +47,7 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
     amplitude = 1e3 * complex_of(data, "amplitude")
     known = np.isfinite(amplitude)
     amplitude, x, y = amplitude[known], data["x"].values[known], data["y"].values[known]
-    x, y = 1e3 * (x - x.mean()), 1e3 * (y - y.mean())
+    x, y = (1e3 * (places - 0.5 * (places.min() + places.max())) for places in (x, y))
     most, length = float(np.abs(amplitude).max()), float(max(np.ptp(x), np.ptp(y)))
     scale = DRAWN_DEFLECTION * length / most
     corners, lines = marker_faces(x / 1e3, y / 1e3), marker_edges(x / 1e3, y / 1e3)
@@ -56,9 +55,10 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
         figure = Figure(figsize=(SHAPE_SIZE_PX[0] / 100, SHAPE_SIZE_PX[1] / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
         axes: Any = figure.add_axes((0, -0.2, 1, 1.5), projection="3d")
-        sides = [max(np.ptp(values), length / 20) for values in (x, y)]
-        axes.set_box_aspect([*sides, 2 * scale * most], zoom=0.95)
-        axes.set(xlim=_around(x), ylim=_around(y), zlim=(-scale * most, scale * most))
+        spans = [max(float(np.ptp(places)), 1e-9) for places in (x, y)]  # no axis without length
+        axes.set_box_aspect([*np.maximum(spans, length / 20), 2 * scale * most], zoom=0.95)
+        along, across = ((-span / 2, span / 2) for span in spans)
+        axes.set(xlim=along, ylim=across, zlim=(-scale * most, scale * most))
         axes.view_init(28, -60)
         axes.set_axis_off()
         bar = figure.add_axes((0.25, 0.1, 0.5, 0.025))
@@ -81,13 +81,6 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
             for artist in drawn:
                 artist.remove()
     return frames
-
-
-def _around(values: Array) -> tuple[float, float]:
-    """Return the ends of an axis, which some programs cannot draw without length."""
-    half = max(float(np.ptp(values)), 1e-9) / 2
-    middle = (values.min() + values.max()) / 2
-    return float(middle - half), float(middle + half)
 
 
 def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
@@ -122,27 +115,21 @@ def write_gif(path: Path, frames: list[Frame], rate: float) -> None:
     plain = Pictures.Dither.NONE
     first, *others = [Pictures.fromarray(one).quantize(128, dither=plain) for one in frames]
     how: Any = {"duration": round(1000 / rate), "save_all": True, "append_images": others}
-    whole_file(path, lambda part: first.save(part, "GIF", loop=0, optimize=False, **how))
+    first.save(path, "GIF", loop=0, optimize=False, **how)
 
 
 def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
     """Write frames of even size as H.264 in an MP4 file that every player and browser shows."""
     remaining = iter(frames)
-    first = next(remaining)
-
-    def write_part(part: Path) -> None:
-        with av.open(
-            file_address(part), "w", format="mp4", options={"movflags": "+faststart"}
-        ) as file:
-            stream = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
-            assert isinstance(stream, av.VideoStream)
-            stream.height, stream.width = first.shape[:2]
-            # Without mbtree, whose assembly does not give the same bytes each time.
-            stream.pix_fmt = "yuv420p"
-            stream.options = {"crf": "20", "preset": "veryfast", "mbtree": "0"}
-            for frame in chain([first], remaining):
-                picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
-                file.mux(stream.encode(picture))
-            file.mux(stream.encode(None))
-
-    whole_file(path, write_part)
+    first, options = next(remaining), {"movflags": "+faststart"}
+    with av.open(file_address(path), "w", format="mp4", options=options) as file:
+        stream = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
+        assert isinstance(stream, av.VideoStream)
+        stream.height, stream.width = first.shape[:2]
+        # Without mbtree, whose assembly does not give the same bytes each time.
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": "20", "preset": "veryfast", "mbtree": "0"}
+        for frame in chain([first], remaining):
+            picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
+            file.mux(stream.encode(picture))
+        file.mux(stream.encode(None))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ from thesis_lib.plotting.selection import encode_field
 from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 from thesis_lib.web import html
+
+_TEMPLATE_FOLDER = "measure/report/templates/"
 
 
 def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
@@ -79,9 +81,6 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
     return html.static_html(html.join_modules("radiated"), html.VIEWER_CSS, {"data": state}, still)
 
 
-_TEMPLATE_FOLDER = "measure/report/templates/"
-
-
 @dataclass(frozen=True)
 class Report:
     """A report, or a part of one."""
@@ -90,11 +89,6 @@ class Report:
     summary: list[str]  #: What was found, in a few lines
     notes: list[Note]  #: What a reader should know before trusting it
     pictures: Mapping[str, html.Picture]
-
-    def join(self, later: Report) -> Report:
-        """Return the later report, with what was found and noted in this part of it, too."""
-        summary, notes = self.summary + later.summary, self.notes + later.notes
-        return replace(later, summary=summary, notes=notes)
 
     def write(self, folder: Path) -> None:
         """Write ``report.html`` and the folder ``figures`` into a folder."""
@@ -108,13 +102,15 @@ def _assemble(
     manifest: Manifest,
     summary: list[str],
     notes: list[Note],
-    pictures: dict[str, html.Picture],
-    sound: Report | None = None,
-    response: Report | None = None,
+    pictures: Mapping[str, html.Picture],
+    parts: Mapping[str, Report | None],
     **values: object,
 ) -> Report:
     """Fill in a template with what every report has, and with its parts on sound and response."""
-    pictures = pictures | dict(response.pictures if response else {})
+    known = [part for part in parts.values() if part]
+    pictures = dict(pictures)
+    for part in known:
+        pictures |= part.pictures
     page = html.render_html(
         _TEMPLATE_FOLDER + template,
         title=data.attrs.get("title", ""),
@@ -124,11 +120,11 @@ def _assemble(
         notes=notes,
         messages=ALL_MESSAGES,
         pictures=pictures,
-        sound=Markup(sound.page if sound else ""),
-        response=Markup(response.page if response else ""),
+        **{name: Markup(part.page if part else "") for name, part in parts.items()},
         **values,
     )
-    return Report(page, summary + (sound.summary if sound else []), notes, pictures)
+    summary = summary + [line for part in known for line in part.summary]
+    return Report(page, summary, notes + [note for part in known for note in part.notes], pictures)
 
 
 def _save_svgs(figures: Mapping[str, Figure], style: Any = None) -> dict[str, html.Picture]:
@@ -178,7 +174,7 @@ def build_shape(
         summarise_shape(data),
         warnings.check_shape(data),
         pictures,
-        sound,
+        {"sound": sound},
         viewer=Markup(view_shape(data, manifest.structure.extent)),
         numbers=tabulate_shape(data),
         candidates=[data.isel(candidate=k) for k in order],
@@ -232,8 +228,7 @@ def build_modes(
         html.render_lines(_TEMPLATE_FOLDER + "modes.txt.j2", rows=rows, data=data),
         list(warnings.check_modes(data, manifest)),
         _save_svgs(figures),
-        sound,
-        response,
+        {"sound": sound, "response": response},
         modes=modes,
         shapes=tabulate_mode_shapes(data),
         viewers=[Markup(view_shape(one, extent)) for one in iterate_slices(data, "mode")],
@@ -276,8 +271,8 @@ def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def build_response(data: xr.Dataset, manifest: Manifest, calibration: str | None = None) -> Report:
-    """Return the part of a report on motion over a force; the whole with notes on the cameras.
+def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
+    """Return the report on motion over a force, or the part of one if modes are measured, too.
 
     It shows the drive point, and the markers that are surest and least sure.
     """
@@ -302,13 +297,13 @@ def build_response(data: xr.Dataset, manifest: Manifest, calibration: str | None
         summary,
         list(warnings.check_response(data, manifest)),
         _save_svgs(figures, MATH_STYLE),
+        {},
         markers=markers,
         roles={"drive": "nearest to the force", "surest": "surest", "least": "least sure"},
     )
-    if calibration is None:
+    if manifest.excitation.behaviour.result != "response":
         return part
-    known: dict[str, Any] = {"response": part, "calibration": calibration}
-    return _assemble("response.html.j2", data, manifest, summary, part.notes, {}, **known)
+    return _assemble("response.html.j2", data, manifest, [], [], {}, {"response": part})
 
 
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
@@ -333,6 +328,7 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
         manifest,
         summary,
         list(warnings.check_sound(data)),
+        {},
         {},
         no_wall_change=warnings.no_wall_change,
         viewers=[Markup(view_sound(one, manifest)) for one in tones],

@@ -25,6 +25,12 @@ from thesis_lib.vision.pinhole import project_points
 
 MAX_FRAMES = 2000  # of a camera, the last ones, that show the motion
 VARIABLES = read_variables(__file__, "first_frames")
+WIDTH_IN = 7.6
+NARROW_WIDTH_IN = 5.6  # letters can be read on a phone, too
+MAX_PHOTOGRAPH_PX = 1000  # width at which photographs are stored
+BAR_SIGMAS = 2  # standard errors that bars show
+# Relative changes within which a pole is the same from one fit to the next
+MAX_POLE_SHIFT, MAX_POLE_DAMPING_CHANGE = 0.01, 0.05
 
 
 def collect_diagnostics(
@@ -59,14 +65,6 @@ def collect_diagnostics(
     }
     places = {"camera": data["camera"], "time": moved["time"]}
     return xr.Dataset(label_values(values, VARIABLES), places)
-
-
-WIDTH_IN = 7.6
-NARROW_WIDTH_IN = 5.6  # letters can be read on a phone, too
-MAX_PHOTOGRAPH_PX = 1000  # width at which photographs are stored
-BAR_SIGMAS = 2  # standard errors that bars show
-# Relative changes within which a pole is the same from one fit to the next
-MAX_POLE_SHIFT, MAX_POLE_DAMPING_CHANGE = 0.01, 0.05
 
 
 @in_style()

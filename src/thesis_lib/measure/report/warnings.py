@@ -13,13 +13,11 @@ from thesis_lib.measure.calibration import rig, uncertainty
 from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR, known_rms
 from thesis_lib.measure.messages import NOTE_LIMITS, Note, make_note
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.recordings.manifest_parts import Sweep
 from thesis_lib.measure.response.result import wanted_interval
-from thesis_lib.measure.response.signals import dwell_time, settling_time
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 
-# Frames by which a shift of whole frames may be off: 1.7 ms at 60 Hz, 0.6 m of sound's way
-MAX_FRAME_FRACTION = 0.1
+# Times its time constant 1 / (2πζf) in which a resonance settles: to e⁻⁴, 2 %
+SETTLING_TIME_CONSTANTS = 4.0
 MAX_BLUR = 0.15  # share by which a peak is estimated to be lower, up to which that is reliable
 
 
@@ -61,27 +59,20 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     yield from _check_repeats(data)
     first = str(data["camera"].values[0])
     for one in iterate_slices(data, "camera"):
-        name = str(one["camera"].values)
+        name, lost = str(one["camera"].values), float(one["missing"].mean())
         rate, given = float(one["frame_rate"]), float(one["frame_rate_given"])
         if abs(rate / given - 1) > NOTE_LIMITS["file-rate"]:
             yield make_note("file-rate", name=name, rate=rate, given=given)
         if (uneven := float(one["uneven"])) > NOTE_LIMITS["uneven-frames"] / rate:
             yield make_note("uneven-frames", name=name, uneven_ms=1e3 * uneven)
-        yield from _check_lost(name, float(one["missing"].mean()))
+        if lost > NOTE_LIMITS["markers-lost"]:
+            yield make_note("markers-lost", name=name, lost=lost)
         if jump := float(one["jump"]):
             yield make_note("camera-jumped", name=name, jump=jump, time=float(one["jump_time"]))
-        if float(one["corrected"]):
-            error = float(f"{1e6 * float(one['pace_deviation']):.1g}")
-            yield note_pace(name, first, float(one["pace"]), f" ± {error:,g}")
-        if (late := 1e3 * float(one["lag"])) and one.attrs.get("sound") != "none":
-            yield make_note(
-                "start-by-pictures",
-                name=name,
-                late_ms=abs(late),
-                std_ms=1e3 * float(one["lag_deviation"]),
-                way="later" if late > 0 else "earlier",
-                frames=_describe_whole_frames(1e-3 * late * rate),
-            )
+        late = float(one["lag"]) if one.attrs.get("sound") != "none" else 0.0
+        pace = float(one["pace"]) if one["corrected"] else 0.0
+        errors = float(one["lag_deviation"]), float(one["pace_deviation"])
+        yield from _check_clock(name, first, late, pace, *errors)
         if (misfit := float(one["rest_misfit"])) > NOTE_LIMITS["rest-misfit"]:
             yield make_note("rest-misfit", name=name, misfit=misfit)
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
@@ -99,18 +90,18 @@ def _check_repeats(data: xr.Dataset) -> Iterator[Note]:
         yield make_note("repeated-frames", line=line)
 
 
-def _check_lost(name: str, lost: float) -> Iterator[Note]:
-    if lost > NOTE_LIMITS["markers-lost"]:
-        yield make_note("markers-lost", name=name, lost=lost)
-
-
-def _check_clock(name: str, first: str, late: float, pace: float) -> Iterator[Note]:
-    """Report corrections of a camera's clock: of its start in s, and of its relative pace."""
+def _check_clock(name: str, first: str, late: float, pace: float, *errors: float) -> Iterator[Note]:
+    """Report corrections of a camera's start in s and of its relative pace, with their errors."""
+    late_std, pace_std = errors or (np.nan, np.nan)
+    late_error, pace_error = (
+        "" if np.isnan(value) else f" ± {float(f'{value:.1g}'):,g}"
+        for value in (1e3 * late_std, 1e6 * pace_std)
+    )
     if late:
-        way = "later" if late > 0 else "earlier"
-        yield make_note("start-by-pictures", "modes", name=name, late_ms=1e3 * abs(late), way=way)
+        way, how = "later" if late > 0 else "earlier", f"{1e3 * abs(late):.2g}{late_error}"
+        yield make_note("start-by-pictures", name=name, how=how, way=way)
     if pace:
-        yield note_pace(name, first, pace)
+        yield note_pace(name, first, pace, pace_error)
 
 
 def note_pace(name: str, first: str, pace: float, error: str = "") -> Note:
@@ -119,15 +110,6 @@ def note_pace(name: str, first: str, pace: float, error: str = "") -> Note:
     how = f"{float(f'{1e6 * abs(pace):.3g}'):,g}{error} ppm {way} compared with that of {first}"
     code = "frames-lost" if abs(pace) > NOTE_LIMITS["frames-lost"] else "clock-drift"
     return make_note(code, name=name, how=how)
-
-
-def _describe_whole_frames(frames: float) -> str:
-    """Return what a shift by whole frames suggests, empty of any other."""
-    count = round(abs(frames))
-    if not count or abs(abs(frames) - count) > MAX_FRAME_FRACTION:
-        return ""
-    lost = f"{count} frames were" if count > 1 else "a frame was"
-    return f", or {lost} lost without its time stamps showing it: so long does that take"
 
 
 def check_board(data: xr.Dataset) -> Iterator[Note]:
@@ -192,7 +174,8 @@ def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         yield make_note("shapes-alike", first=hertz[i], second=hertz[j], mac=mac[i, j])
     first = str(data["camera"].values[0])
     for k, name in enumerate(map(str, data["camera"].values)):
-        yield from _check_lost(name, float(data["missing"][k].mean()))
+        if (lost := float(data["missing"][k].mean())) > NOTE_LIMITS["markers-lost"]:
+            yield make_note("markers-lost", name=name, lost=lost)
         if (strays := float(data["left_out"][k])) > NOTE_LIMITS["markers-strayed"]:
             yield make_note("markers-strayed", name=name, strays=strays)
         yield from _check_clock(name, first, float(data["lag"][k]), float(data["pace"][k]))
@@ -281,7 +264,7 @@ def _check_ringing(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     last = data["displacement"].values[-(data.sizes["time"] // 8) :]
     noisy = np.nanstd(last) < 2 * np.sqrt(np.nanmean(data["noise"].values ** 2))
     if (left := float(data["ringing"])) > NOTE_LIMITS["still-ringing"] and not noisy:
-        seconds = settling_time(top, zeta)
+        seconds = SETTLING_TIME_CONSTANTS / (2 * np.pi * zeta * top)
         yield make_note("still-ringing", left=left, seconds=seconds, hertz=top, damping=100 * zeta)
 
 
@@ -292,8 +275,8 @@ def _check_sweep(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         return
     (top, _), zeta = _peak(data), manifest.structure.damping
     duration = float(data["sweep_duration"])
-    stays = dwell_time(Sweep(from_hz=begin, to_hz=end, duration_s=duration), top, zeta)
-    needs = settling_time(top, zeta)
+    stays = 2 * zeta * top * duration / abs(end - begin)  # in the half-power band, 2ζf wide
+    needs = SETTLING_TIME_CONSTANTS / (2 * np.pi * zeta * top)
     if stays < needs:
         sweep = {"begin": begin, "end": end, "duration": duration, "factor": needs / stays}
         yield make_note("sweep-fast", hertz=top, stays=stays, needs=needs, **sweep)

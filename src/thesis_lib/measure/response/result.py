@@ -27,7 +27,7 @@ import scipy
 import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.modes.identify import rest_of
+from thesis_lib.measure.fitting.harmonics import rest_of
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.response import signals
@@ -40,6 +40,12 @@ HANN_SHARE = 1 / 6  # of a line's power that a Hann window adds to each neighbou
 #: the receptance: twice the mean of (1 − 1/k)² S over all θ, with k = 2/3 + cos θ / 3 of the window
 #: and S = 1 + 8/9 cos θ + cos 2θ / 18 of the noise of lines that overlap
 BLUR_BY_NOISE = 0.62
+RECORDING_PARTS = 8  # into which a recording is cut
+MAX_FORCE_RATE_RATIO = 8  # times the frames' rate at which a force is sampled
+REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
+GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
+MIN_PERIODS = 8  # periods of the lowest frequency that a recording has
+VARIABLES = read_variables(__file__, "response")
 
 
 @dataclass(frozen=True)
@@ -151,14 +157,6 @@ def estimate_blur(receptance: ComplexArray) -> ComplexArray:
     return np.array([receptance, second, middle]) - sharp
 
 
-RECORDING_PARTS = 8  # into which a recording is cut
-MAX_FORCE_RATE_RATIO = 8  # times the frames' rate at which a force is sampled
-REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
-GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
-MIN_PERIODS = 8  # periods of the lowest frequency that a recording has
-VARIABLES = read_variables(__file__, "response")
-
-
 def estimate_response(
     manifest: Manifest, recordings: Sequence[Recording], folder: Path
 ) -> xr.Dataset:
@@ -173,7 +171,7 @@ def estimate_response(
     """
     given, excitation = manifest.force, manifest.excitation
     assert given is not None
-    rest = rest_of(manifest, recordings)
+    rest = rest_of(manifest, recordings, excitation.rest_duration_s)
     rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
     sought = excitation.modes
     most = min(sought.to_hz or np.inf, signals.MAX_REPORTED_RATIO * slowest)
@@ -264,16 +262,13 @@ def _band(manifest: Manifest, force: signals.RecordedForce, slowest: float) -> t
     """Return the reported frequencies, Hz; refuse those that frames or force do not resolve."""
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
-    most = signals.MAX_REPORTED_RATIO * slowest
-    given = None
-    if excitation.behaviour.sweeps and min(sweep.from_hz or 0, sweep.to_hz or 0) >= most:
-        given = f"excitation.sweep: given {sweep.from_hz:g} to {sweep.to_hz:g} Hz"
-    elif sought.from_hz >= most:
-        given = f"excitation.modes.from_hz: given {sought.from_hz:g}"
-    if given:
+    lowest, most = sought.from_hz, signals.MAX_REPORTED_RATIO * slowest
+    if excitation.behaviour.sweeps:
+        lowest = max(lowest, min(sweep.from_hz or 0, sweep.to_hz or 0))
+    if lowest >= most:
         raise ForceError(
-            f"{given}, allowed: below {most:.4g} Hz, {signals.MAX_REPORTED_RATIO} of the lowest "
-            "frame rate; film faster"
+            f"excitation.modes.from_hz or sweep: given {lowest:g} Hz, allowed: below {most:.4g} "
+            f"Hz, {signals.MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
         )
     high = min(sought.to_hz or most, most)
     if signals.MAX_REPORTED_RATIO * force.rate < high * (1 - 1e-6):

@@ -1,8 +1,6 @@
 """Force and deflections of a response over time, on the first camera's clock.
 
-The force is read as it was recorded, and checked. A resonance at f with damping ratio ζ answers
-within 1 / (2πζf) s; a sweep is in its half-power band, 2ζf wide, for 2ζf over its speed. If that is
-not some times longer, it does not settle.
+The force is read as it was recorded, and checked.
 
 Deflections are those of all markers at common times: each camera's centres are brought there from
 its own time stamps, rows of a rolling shutter and exposure, then triangulated, instant by instant.
@@ -18,7 +16,6 @@ cross-spectrum of what it and the first one see has the phase ωδ: it tells δ 
 windows, and a line through these how much faster a clock runs.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,7 +25,7 @@ import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import frequency as clocks, harmonics, reconstruction
-from thesis_lib.measure.modes.shapes import Rest
+from thesis_lib.measure.fitting.reconstruction import Rest
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Force, Sweep
@@ -36,11 +33,26 @@ from thesis_lib.measure.synchronisation import audio, drift
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
 
-# Times the resonance's time constant in which it settles: to e⁻⁴, 2 %
-SETTLING_TIME_CONSTANTS = 4.0
 # Of the largest power of a segment; weaker ones are before or after the sweep
 MIN_SEGMENT_POWER_RATIO = 0.03
 SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is sought
+FORCE_RATE_RATIO = 10  # times the frame rate to which a fast recording of a force is reduced
+MIN_CLIPPED_SAMPLES = 3  # samples at full scale from which on a force counts as clipped
+NEAR_SAMPLES = 24  # samples that an estimate rests on
+MAX_SIGNAL_RATIO = 0.45  # of the rate, up to which the signal is taken to reach
+# Of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
+MAX_REPORTED_RATIO = 0.4
+OUT_OF_BAND_POWER_RATIO = 1e-6  # power beside the band over that in it
+QUADRATURE_NODES = 28  # of the quadrature over the band
+CHUNK_TIMES = 512  # times at once
+SAME_TIME_S = 1e-9  # s up to which two times are the same
+# Of the next marker's distance that a marker may seem to move along the surface
+MAX_SURFACE_SHIFT_RATIO = 0.25
+MAX_WINDOWS = 8  # at most, over the recording
+MIN_WINDOW_S, MAX_WINDOW_S = 2.0, 16.0  # s that a window has at least, and at most
+MAX_TIME_OFFSET_S = 0.1  # s that a camera's times may be off
+HANN_LINES = 1.5  # lines of a Hann window that tell as much as one
+TRIALS_PER_PERIOD = 8  # trial delays in a period of the highest frequency
 
 
 def find_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
@@ -56,21 +68,6 @@ def find_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
         to_hz=given.to_hz or max(float(line[-1]), 2e-3),
         duration_s=given.duration_s or max(float(made.delta_t * (on[-1] - on[0])), 1e-3),
     )
-
-
-def dwell_time(sweep: Sweep, frequency: float, damping: float) -> float:
-    """Return the time that a sweep of even speed spends in a resonance's half-power band, s."""
-    begin, end, seconds = (float(x or np.nan) for x in sweep.model_dump().values())
-    return 2 * damping * frequency * seconds / abs(end - begin)
-
-
-def settling_time(frequency: float, damping: float) -> float:
-    """Return the time that a resonance takes to settle, s."""
-    return SETTLING_TIME_CONSTANTS / (2 * math.pi * damping * frequency)
-
-
-FORCE_RATE_RATIO = 10  # times the frame rate to which a fast recording of a force is reduced
-MIN_CLIPPED_SAMPLES = 3  # samples at full scale from which on a force counts as clipped
 
 
 @dataclass(frozen=True)
@@ -180,16 +177,6 @@ def _find_clock(
     return found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace
 
 
-NEAR_SAMPLES = 24  # samples that an estimate rests on
-MAX_SIGNAL_RATIO = 0.45  # of the rate, up to which the signal is taken to reach
-# Of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
-MAX_REPORTED_RATIO = 0.4
-OUT_OF_BAND_POWER_RATIO = 1e-6  # power beside the band over that in it
-QUADRATURE_NODES = 28  # of the quadrature over the band
-CHUNK_TIMES = 512  # times at once
-SAME_TIME_S = 1e-9  # s up to which two times are the same
-
-
 def at_times(
     times: Array,
     values: Array,
@@ -250,10 +237,6 @@ def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask, apart: Arr
     enough = (2 * there.sum(axis=1) >= near) & before & after
     found[t, k] = np.where(enough, value, np.nan)
     return found
-
-
-# Of the next marker's distance that a marker may seem to move along the surface
-MAX_SURFACE_SHIFT_RATIO = 0.25
 
 
 def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
@@ -331,13 +314,6 @@ def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
         return np.full(still.shape[1], np.nan)
     found = power[inside].mean(axis=0)
     return np.asarray(np.where(np.isfinite(still).all(axis=0), found, np.nan), float)
-
-
-MAX_WINDOWS = 8  # at most, over the recording
-MIN_WINDOW_S, MAX_WINDOW_S = 2.0, 16.0  # s that a window has at least, and at most
-MAX_TIME_OFFSET_S = 0.1  # s that a camera's times may be off
-HANN_LINES = 1.5  # lines of a Hann window that tell as much as one
-TRIALS_PER_PERIOD = 8  # trial delays in a period of the highest frequency
 
 
 def in_step(
