@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.files import shipped
 from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study
+from thesis_lib.studies.request import Study, peaks_m
 from thesis_lib.vibration.motion import alias_clearance
 from thesis_lib.vibration.structure import Structure, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
@@ -60,6 +60,12 @@ class RenderParameters(CameraParameters):
 
     exposure_ms: fields.BriefExposure = 2.0
     frames: fields.Frames = 24
+
+    @property
+    def peaks_m(self) -> list[float]:
+        """Return the largest deflection of each mode in m."""
+        own: Any = self
+        return peaks_m(own.structure, own.modes, own.amplitude_mm)
 
 
 class RenderedStudy(Study):

@@ -169,8 +169,7 @@ def default_rig(
 
 
 # Rigs for fast vibrations: a few frames at rest and then, after half a period that no frame needs,
-# frames of the steady vibration. A real structure takes its time to get there; frames before that
-# are useless.
+# frames of the steady vibration.
 
 REST_FRAMES = 4  # frames at rest
 RAMP_PERIODS = 0.5  # periods in which the vibration takes up
@@ -236,9 +235,8 @@ def camera_rig(
     )
 
 
-# Replicates: the cameras are set up again, with other starts and other noise. Nobody puts a tripod
-# back to where it stood: each camera is a little off its place and its direction, so that all
-# markers fall on other parts of their pixels. Starts and noise come from the seed of the rig.
+# Replicates: nobody puts a tripod back to where it stood. Each camera is a little off its place and
+# its direction, so that all markers fall on other parts of their pixels.
 
 PLACE_STD_M = 1e-3  # m, standard deviation of a camera's place along X, Y and Z
 TURN_STD_RAD = np.radians(0.1)  # of its direction about each of its axes

@@ -165,10 +165,9 @@ BOARD_TILT_DEG = 15.0  # of the board in all poses but one, which is flat, °
 
 
 def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int = 10) -> Rig:
-    """Turn cameras a little off their aim, and hold a board over the structure.
+    """Turn cameras a little off their aim, and hold a board over the structure in some poses.
 
     The cameras look at its centre from a `distance` in m, of which the board's size is a share.
-    The board is held in some `poses`, the first one flat.
     """
     Rotation = scipy.spatial.transform.Rotation
     turned = np.radians(AIM_STD_DEG) * draw.standard_normal((len(rig.stations), 3))
@@ -317,8 +316,8 @@ def tap_structure(
     """Let the structure be tapped after some rest, and render some seconds in all.
 
     Its first modes ring, one for each damping ratio. It is tapped at `point` in m by an `impulse`
-    in N s, for a time `pulse` in s that begins `rest` s after the last camera's start. The `rates`
-    are frames per second of each camera; those of the rig if there are none.
+    in N s, for `pulse` s that begin `rest` s after the last camera's start. The `rates` are those
+    of the cameras if they differ from the rig's.
     """
     structure: Structure = rig.motion.structure
     hertz = structure.angular_frequencies(len(damping)) / (2 * np.pi)
