@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting
 from thesis_lib.files import shipped
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study, peaks_m
@@ -29,6 +30,9 @@ MAX_EXPOSURE_PERIODS = 0.8  # of a period that a frame may last
 MAX_APPARENT_SHIFT = 0.4  # of the markers' spacing that a marker may seem to move
 MAX_VIEW_EXTENT = 0.98  # of half the image that the structure may reach
 MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's image is high
+
+Sizes = tuple[float, float]  # m
+Given = tuple[str, Any]  # a field and its value
 
 CAMERA_NAMES = "ABCD"
 THESIS_RIG = setups.setup_table("experiment", "rig") | setups.assumed_values("experiment")
@@ -173,18 +177,11 @@ def check_frequency(film: Any, share: float) -> None:
     check_exposure(film, film.frame_rate_hz, film.frequency_hz)
 
 
-def check_place(
-    film: Any,
-    extent: tuple[float, float],
-    lift: float,
-    setting: setups.Setting,
-    name: str,
-    given: Any,
-) -> None:
+def check_place(film: Any, extent: Sizes, lift: float, setting: Setting, place: Given) -> None:
     """Refuse cameras that do not see all of a structure in 16:9 images.
 
-    The structure's `extent` and largest deflection `lift` are in m; `name` and `given` are the
-    field that puts the cameras there, and its value.
+    The structure's `extent` and largest deflection `lift` are in m; `place` is the field that puts
+    the cameras there, with its value.
     """
     box = np.array([*extent, 2 * lift]) / 2
     corners = box * list(itertools.product((-1, 1), repeat=3))
@@ -198,31 +195,25 @@ def check_place(
         if depth.min() <= 0 or seen > MAX_VIEW_EXTENT:
             there = f"azimuth {azimuth:g}°, elevation {elevation:g}°"
             one = f"the one at {there}, {setting.distance_mm:g} mm away does not"
-            allowed = f"allowed: cameras that see the whole structure; {one}"
-            fields.refuse_value(name, given, allowed)
+            fields.refuse_value(*place, f"allowed: cameras that see the whole structure; {one}")
 
 
 def check_markers(
-    film: Any,
-    spacing: float,
-    diameter: float,
-    lift: float,
-    setting: setups.Setting,
-    name: str,
-    given: Any,
-    twist: float = 0.0,
+    film: Any, sizes: Sizes, lift: float, setting: Setting, place: Given, twist: float = 0.0
 ) -> None:
     """Refuse markers too small to be found, and motions that bring them near their neighbours.
 
-    The largest deflection `lift`, and that by a `twist` besides, are in m.
+    Their least distance and diameter (`sizes`), the largest deflection `lift`, and that by a
+    `twist` besides, are in m.
     """
+    spacing, diameter = sizes
     slope = math.radians(min(elevation for _, elevation in setting.directions_deg))
     focal = film.focal_length_mm / film.sensor_width_mm * setting.resolution_px[0]
     high = 1000 * diameter * focal / setting.distance_mm * math.sin(slope)
     if high < MIN_MARKER_HEIGHT_PX:
         enough = f"markers are at least {MIN_MARKER_HEIGHT_PX:g} px high, not {high:.2g} px"
         remedy = "wider or nearer ones" + ", or fewer and larger markers" * hasattr(film, "grid")
-        fields.refuse_value(name, given, f"allowed: images in which {enough}: {remedy}")
+        fields.refuse_value(*place, f"allowed: images in which {enough}: {remedy}")
     largest = MAX_APPARENT_SHIFT * spacing * math.tan(slope)
     if lift + twist > largest:
         field, other = ("torsion_mm", lift) if twist > lift else ("amplitude_mm", twist)
@@ -258,8 +249,8 @@ class RigRequest(fields.Fields):
     def _check_rig(self) -> RigRequest:
         check_frequency(self, 0.4)
         far, directions = self.distance_mm, tuple(self.directions_deg.values())
-        rig, lift = setups.Setting("", far, "", far, directions, (0, 0)), self.amplitude_mm / 1000
-        check_place(self, setups.thesis_beam().extent, lift, rig, "distance_mm", far)
+        rig, lift = Setting("", far, "", far, directions, (0, 0)), self.amplitude_mm / 1000
+        check_place(self, setups.thesis_beam().extent, lift, rig, ("distance_mm", far))
         return self
 
     @property
