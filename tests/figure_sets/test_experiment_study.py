@@ -127,7 +127,7 @@ def test_whole_pixels_cost_less_the_more_of_them_there_are(conforms):
 def test_whole_frames_are_counted_from_the_first_of_the_cameras(conforms):
     starts = np.array([0.0, 0.10, 0.10 - 2.5 / 60, 0.10 - 3.8 / 60])
     data = recordings(resolution(widths_px=[1920]).recordings, starts=starts)
-    tracks = shapes.select_tracks(data, MARKERS, "BCD", 1920, "literal")
+    tracks = shapes.select_tracks(data, ("literal", "BCD", 1920))
     conforms.closed_form(tracks.frames, np.rint((starts[1:] - starts[1]) * 60), atol=0)
 
 
@@ -176,10 +176,8 @@ def test_a_missed_peak_costs_what_the_cosine_says(conforms, offset):
     conforms.closed_form(float(cube["mean_error"][0, 0, 0]), loss * rms, atol=2e-4)
 
 
-def tracks(data, method, names="ABCD"):
-    return shapes.select_tracks(
-        data, MARKERS, names, 1920, "full" if method == "harmonic" else "literal"
-    )
+def tracks(data, method):
+    return shapes.select_tracks(data, (method, "ABCD", 1920))
 
 
 @pytest.mark.parametrize("method", ["aligned", "harmonic"])

@@ -50,7 +50,7 @@ def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, *
 
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
-    found = select_tracks(data, MARKERS, CAMERA_NAMES, int(data["width"].max()), "full")
+    found = select_tracks(data, ("harmonic", CAMERA_NAMES, int(data["width"].max())))
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)

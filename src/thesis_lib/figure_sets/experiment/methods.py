@@ -12,10 +12,12 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, IntArray, stack_padded
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment.figure_set import Way
 from thesis_lib.measure.calibration import rig
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.fitting import harmonics as fits, reconstruction as rc
-from thesis_lib.measure.recordings.board import Board, Markers
+from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import check_files, clock_of
 from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers
@@ -143,21 +145,15 @@ class Tracks(fits.Fitted):
         return float(1 / (self.times[0, 1] - self.times[0, 0]))
 
 
-def select_tracks(
-    data: xr.Dataset,
-    markers: Markers,
-    names: Sequence[str],
-    width: int,
-    calibration: str,
-    matched: bool = False,
-) -> Tracks:
-    """Return the tracks of the named cameras at one width, by one of the two calibrations.
+def select_tracks(data: xr.Dataset, way: Way) -> Tracks:
+    """Return the tracks that are measured in one way, by the calibration that it takes.
 
-    If `matched`, the centres are those of the template match: at rest those of the first frame, and
-    in motion they scatter about the harmonics of the fitted ones.
+    Where centres are *matched*, they are those of the template match: at rest those of the first
+    frame, and in motion they scatter about the harmonics of the fitted ones.
     """
+    (method, names, width), markers = way, rows_on(setups.thesis_beam())
     data = data.sel(camera=list(names))
-    cameras = read_cameras(data, calibration, width)
+    cameras = read_cameras(data, "full" if method == "harmonic" else "literal", width)
     uv = _undistort_tracks(cameras, data["tracks"].sel(width=width).values)
     rates, delays = data["frame_rate"].values, data["delay"].values
     own_times = np.arange(uv.shape[1]) / rates[:, None]
@@ -174,7 +170,7 @@ def select_tracks(
     ]
     still = np.array([fits.mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
     rest, rest_frames = still, int(np.count_nonzero(resting[0]))
-    if matched:
+    if method == "matched":
         uv = _undistort_tracks(cameras, data["matches"].sel(width=width).values.astype(float))
         rest, rest_frames = uv[:, 0], 1
         for i, own in enumerate(harmonics):

@@ -357,7 +357,7 @@ def _parts(data: xr.Dataset) -> dict[str, Any]:
     """Return what the literal method loses to the missed maximum and to whole frames alone."""
     row = MARKERS.middle_row
     instant = methods.find_maxima(data, setups.thesis_beam().damping)
-    tracks = compute.tracks_of(data, _way_of(data, "literal"))
+    tracks = methods.select_tracks(data, _way_of(data, "literal"))
     maximum, frame = instant.nearest(tracks.rate, tracks.times[0, 0] * tracks.rate)
     exact = (data["delay"] - data["delay"][0]).values
     residual, n = exact - tracks.frames / tracks.rate, len(exact)
