@@ -9,8 +9,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Circle, PathPatch, Polygon, Rectangle
-from matplotlib.path import Path
+from matplotlib.patches import Arc, Circle, Polygon, Rectangle
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
@@ -166,9 +165,8 @@ def draw_coverage(data: xr.Dataset) -> Figure:
         width, height = (float(size) for size in camera["size"].values)
         scale, left = RESIDUAL_FACTOR * width / 1920, 0.03 * width
         draw_box(axes, (0, 0), (width, height), SENSOR_GREY)
-        ends = corners + scale * residual
-        axes.add_patch(_draw_segments(corners, ends, style.cycle_color(i), 0.7))
-        axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
+        _draw_segments(axes, corners, corners + scale * residual, style.cycle_color(i), 0.7)
+        _draw_segments(axes, corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6)
         still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
         row = still.transpose("axis", "marker").values[:, MARKERS.middle_row]
         axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
@@ -183,12 +181,10 @@ def draw_coverage(data: xr.Dataset) -> Figure:
     return figure
 
 
-def _draw_segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
-    """Draw segments between points (2, n) as one path; NaN is left out."""
-    known = np.isfinite(start + end).all(axis=0)
-    points = np.stack([start[:, known].T, end[:, known].T], axis=1).reshape(-1, 2)
-    codes = np.tile([Path.MOVETO, Path.LINETO], len(points) // 2)
-    return PathPatch(Path(points, codes), fill=False, edgecolor=tint, linewidth=width)
+def _draw_segments(axes: Axes, start: Array, end: Array, tint: str, width: float) -> None:
+    """Draw segments between points (2, n) as one line with gaps."""
+    points = np.stack([start, end, np.full_like(start, np.nan)], axis=2).reshape(2, -1)
+    axes.plot(*points, color=tint, linewidth=width, solid_capstyle="butt")
 
 
 def draw_sound(data: xr.Dataset) -> Figure:
