@@ -16,18 +16,14 @@ from thesis_lib.vibration.structure import resonance_frequency
 RESOLUTION, CAMERAS = "experiment-resolution", "experiment-cameras"
 ELEVATION, LAYOUT = "lab-elevation", "lab-layout"
 DISTANCE, ARRAYS, LAW = "beam-distance", "beam-arrays", "design-law"
-NINE_PLACES = [[10 * k, 22] for k in range(9)]
 REFUSED = [  # a row of each kind
     (RESOLUTION, {"frequency_hz": 24.1}, ["frequency_hz: given 24.1", "0.4 of the frame rate"]),
     (RESOLUTION, {"exposure_ms": 17}, ["exposure_ms: given 17", "time between frames", "ms"]),
-    (CAMERAS, {"distance_mm": 312}, ["distance_mm: given 312", "reach"]),
-    (RESOLUTION, {"amplitude_mm": 7}, ["amplitude_mm: given 7", "at most 6"]),
-    (RESOLUTION, {"azimuth_deg": 90}, ["azimuth_deg: given 90", "below 90"]),
+    (CAMERAS, {"distance_mm": 312}, ["distance_mm: given 312", "see the whole structure"]),
     (RESOLUTION, {"widths_px": [640, 2000]}, ["widths_px", "given 2000", "160 to 1920"]),
-    (ELEVATION, {"frequency_hz": 8}, ["frequency_hz: given 8", "an eighth of the frame rate"]),
+    (ELEVATION, {"frequency_hz": 8}, ["frequency_hz: given 8", "0.125 of the frame rate"]),
     (ELEVATION, {"distance_mm": 400}, ["distance_mm: given 400", "see the whole structure"]),
     (LAYOUT, {"directions_deg": [[10, 20], [350, 20], [-10, 20]]}, ["given [[10", "different"]),
-    (LAYOUT, {"directions_deg": NINE_PLACES}, ["2 to 8"]),
     (LAYOUT, {"elevation_deg": 60}, ["see the whole structure", "azimuth"]),
     ("lab-modes", {"frame_rates_hz": [79.1]}, ["frame_rates_hz: given 79.1", "mode 2", "Hz"]),
     ("lab-modes", {"exposure_ms": 8, "frame_rates_hz": [60]}, ["exposure_ms", "7.225 ms"]),
@@ -43,8 +39,7 @@ REFUSED = [  # a row of each kind
     ("lab-equal-pixels", {"frequency_hz": 14.0}, ["frequency_hz"]),
     ("lab-equal-pixels", {"duration_s": 0.1, "frequency_hz": 12.0}, ["8 frames"]),
     ("lab-equal-pixels", {"diameters_mm": [60]}, ["diameters_mm"]),
-    ("lab-radiation", {"azimuths_deg": [30]}, ["2 to 6 different numbers"]),
-    ("lab-radiation", {"frame_rate_hz": 46.3}, ["shows the tone"]),
+    ("lab-radiation", {"frame_rate_hz": 46.3}, ["frame_rate_hz", "show the tone"]),
     ("shape-l", {"outline_mm": [[0, 0], [9, 4], [9, 0], [0, 4]]}, ["outline_mm", "common corners"]),
     ("shape-l", {"outline_mm": [[9, 0], [600, 0], [600, 400]]}, ["outline_mm", "(0, 0)"]),
     ("shape-l", {"circles_mm": [[600, 400, 20]]}, ["circles_mm: given [[600.0", "inside"]),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -17,9 +17,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting
 from thesis_lib.files import shipped
 from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study
+from thesis_lib.studies.request import Study, peaks_m
 from thesis_lib.vibration.motion import alias_clearance
 from thesis_lib.vibration.structure import Structure, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
@@ -29,6 +30,9 @@ MAX_EXPOSURE_PERIODS = 0.8  # of a period that a frame may last
 MAX_APPARENT_SHIFT = 0.4  # of the markers' spacing that a marker may seem to move
 MAX_VIEW_EXTENT = 0.98  # of half the image that the structure may reach
 MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's image is high
+
+Sizes = tuple[float, float]  # m
+Given = tuple[str, Any]  # a field and its value
 
 CAMERA_NAMES = "ABCD"
 THESIS_RIG = setups.setup_table("experiment", "rig") | setups.assumed_values("experiment")
@@ -60,6 +64,12 @@ class RenderParameters(CameraParameters):
 
     exposure_ms: fields.BriefExposure = 2.0
     frames: fields.Frames = 24
+
+    @property
+    def peaks_m(self) -> list[float]:
+        """Return the largest deflection of each mode in m."""
+        own: Any = self
+        return peaks_m(own.structure, own.modes, own.amplitude_mm)
 
 
 class RenderedStudy(Study):
@@ -122,55 +132,57 @@ class Repeated(RenderedStudy):
 
 
 def check_motions(film: Any, structure: Structure, name: str, rates: Sequence[float]) -> None:
-    """Refuse amplitudes that are not one for each mode, aliases that no fit can use, long frames.
-
-    `name` is the field that holds the frame rates.
-    """
-    modes, given = film.modes, film.amplitude_mm
+    """Refuse amplitudes that are not one for each mode, and rates that do not show the modes."""
+    given, modes = film.amplitude_mm, film.modes
     if isinstance(given, list) and len(given) != len(modes):
-        fields.refuse_value("amplitude_mm", given, "allowed: a list with one for each mode")
-    hertz = {mode: resonance_frequency(structure, mode) / (2 * np.pi) for mode in modes}
+        film.refuse("amplitude_mm", "allowed: a list with one for each mode")
+    shown = {f"mode {m}": resonance_frequency(structure, m) / (2 * np.pi) for m in modes}
+    check_rates(film, shown, name, rates)
+
+
+def check_rates(
+    film: Any,
+    hertz: Mapping[str, float],
+    name: str,
+    rates: Sequence[float],
+    periods: float = MIN_ALIAS_PERIODS,
+) -> None:
+    """Refuse rates at which no fit can use an alias, and exposures that are too long.
+
+    `hertz` are the frequencies that frames show, by their names; `name` is the field of the rates.
+    """
     for rate in rates:
-        for mode, frequency in hertz.items():
-            if alias_clearance(frequency, rate, film.frames) < MIN_ALIAS_PERIODS:
-                shown = f"rates that show mode {mode}, {frequency:.4g} Hz, at least"
-                least = MIN_ALIAS_PERIODS * rate / film.frames
-                away = f"{least:.3g} Hz away from 0 and from half of the rate"
-                enough = f"{MIN_ALIAS_PERIODS:g} periods in {film.frames} frames"
-                fields.refuse_value(name, rate, f"allowed: {shown} {away}, {enough}")
-    longest = 1000 * min(1 / max(rates), MAX_EXPOSURE_PERIODS / max(hertz.values()))
+        for shown, frequency in hertz.items():
+            if alias_clearance(frequency, rate, film.frames) < periods:
+                least = f"{periods * rate / film.frames:.3g} Hz away from 0 and from half of it"
+                enough = f"{periods:g} periods in {film.frames} frames"
+                allowed = f"allowed: rates that show {shown}, {frequency:.4g} Hz, at least"
+                fields.refuse_value(name, rate, f"{allowed} {least}, {enough}")
+    check_exposure(film, max(rates), max(hertz.values()))
+
+
+def check_exposure(film: Any, rate: float, frequency: float) -> None:
+    """Refuse an exposure that lasts until the next frame, or nearly a period."""
+    longest = 1000 * min(1 / rate, MAX_EXPOSURE_PERIODS / frequency)
     if film.exposure_ms > longest * (1 + 1e-9):
         limits = f"the time between frames and {MAX_EXPOSURE_PERIODS:g} of the shortest period"
-        allowed = f"allowed: at most {fields.format_limit(longest)} ms, {limits}"
-        fields.refuse_value("exposure_ms", film.exposure_ms, allowed)
+        film.refuse("exposure_ms", f"allowed: at most {fields.format_limit(longest)} ms, {limits}")
 
 
-def check_exposure(film: Any, frame_rate_hz: float) -> None:
-    """Refuse an exposure that lasts longer than from one frame to the next."""
-    if film.exposure_ms > 1000 / frame_rate_hz:
-        longest = fields.format_limit(1000 / frame_rate_hz)
-        allowed = f"allowed: at most the time between frames, {longest} ms"
-        film.refuse("exposure_ms", allowed)
+def check_frequency(film: Any, share: float) -> None:
+    """Refuse a frequency above a share of the frame rate, and exposures that are too long."""
+    if film.frequency_hz > share * film.frame_rate_hz:
+        most = f"{share:g} of the frame rate, {fields.format_limit(share * film.frame_rate_hz)} Hz"
+        film.refuse("frequency_hz", f"allowed: at most {most}")
+    check_exposure(film, film.frame_rate_hz, film.frequency_hz)
 
 
-def check_place(
-    film: CameraParameters | RigRequest,
-    extent: tuple[float, float],
-    lift: float,
-    setting: setups.Setting,
-    name: str,
-    given: Any,
-) -> None:
-    """Refuse cameras within the structure's reach, or that do not see all of it in 16:9 images.
+def check_place(film: Any, extent: Sizes, lift: float, setting: Setting, place: Given) -> None:
+    """Refuse cameras that do not see all of a structure in 16:9 images.
 
-    The structure's `extent` and largest deflection `lift` are in m; `name` and `given` are the
-    field that puts the cameras there, and its value.
+    The structure's `extent` and largest deflection `lift` are in m; `place` is the field that puts
+    the cameras there, with its value.
     """
-    reach = 1000 * (math.hypot(*extent) / 2 + lift)
-    if setting.distance_mm <= reach:
-        far = f"cameras more than {reach:.4g} mm away"
-        allowed = f"allowed: {far}, the reach of the structure and its deflection"
-        fields.refuse_value(name, given, allowed)
     box = np.array([*extent, 2 * lift]) / 2
     corners = box * list(itertools.product((-1, 1), repeat=3))
     half = film.sensor_width_mm / film.focal_length_mm / 2
@@ -180,34 +192,28 @@ def check_place(
         rays = corners - setting.distance_mm / 1000 * hemisphere_directions(*angles)
         u, v, depth = hemisphere_rotations(*angles) @ rays.T
         seen = max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9) * spread / half
-        if seen > MAX_VIEW_EXTENT:
+        if depth.min() <= 0 or seen > MAX_VIEW_EXTENT:
             there = f"azimuth {azimuth:g}°, elevation {elevation:g}°"
             one = f"the one at {there}, {setting.distance_mm:g} mm away does not"
-            allowed = f"allowed: cameras that see the whole structure; {one}"
-            fields.refuse_value(name, given, allowed)
+            fields.refuse_value(*place, f"allowed: cameras that see the whole structure; {one}")
 
 
 def check_markers(
-    film: Any,
-    spacing: float,
-    diameter: float,
-    lift: float,
-    setting: setups.Setting,
-    name: str,
-    given: Any,
-    twist: float = 0.0,
+    film: Any, sizes: Sizes, lift: float, setting: Setting, place: Given, twist: float = 0.0
 ) -> None:
     """Refuse markers too small to be found, and motions that bring them near their neighbours.
 
-    The largest deflection `lift`, and that by a `twist` besides, are in m.
+    Their least distance and diameter (`sizes`), the largest deflection `lift`, and that by a
+    `twist` besides, are in m.
     """
+    spacing, diameter = sizes
     slope = math.radians(min(elevation for _, elevation in setting.directions_deg))
     focal = film.focal_length_mm / film.sensor_width_mm * setting.resolution_px[0]
     high = 1000 * diameter * focal / setting.distance_mm * math.sin(slope)
     if high < MIN_MARKER_HEIGHT_PX:
         enough = f"markers are at least {MIN_MARKER_HEIGHT_PX:g} px high, not {high:.2g} px"
         remedy = "wider or nearer ones" + ", or fewer and larger markers" * hasattr(film, "grid")
-        fields.refuse_value(name, given, f"allowed: images in which {enough}: {remedy}")
+        fields.refuse_value(*place, f"allowed: images in which {enough}: {remedy}")
     largest = MAX_APPARENT_SHIFT * spacing * math.tan(slope)
     if lift + twist > largest:
         field, other = ("torsion_mm", lift) if twist > lift else ("amplitude_mm", twist)
@@ -241,15 +247,10 @@ class RigRequest(fields.Fields):
 
     @model_validator(mode="after")
     def _check_rig(self) -> RigRequest:
-        if self.frequency_hz > 0.4 * self.frame_rate_hz:
-            most = f"0.4 of the frame rate, {0.4 * self.frame_rate_hz:.4g} Hz"
-            self.refuse("frequency_hz", f"allowed: at most {most}")
-        check_exposure(self, self.frame_rate_hz)
+        check_frequency(self, 0.4)
         far, directions = self.distance_mm, tuple(self.directions_deg.values())
-        rig = setups.Setting("", far, "", far, directions, (0, 0))
-        check_place(
-            self, setups.thesis_beam().extent, self.amplitude_mm / 1000, rig, "distance_mm", far
-        )
+        rig, lift = Setting("", far, "", far, directions, (0, 0)), self.amplitude_mm / 1000
+        check_place(self, setups.thesis_beam().extent, lift, rig, ("distance_mm", far))
         return self
 
     @property

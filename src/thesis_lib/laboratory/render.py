@@ -164,18 +164,7 @@ def render_board(
 ) -> Image:
     """Render an image of a board that is printed on both sides.
 
-    Parameters
-    ----------
-    camera : Camera
-        The camera.
-    board : Board
-        The board.
-    rotation, translation : array_like, shapes (3, 3) and (3,)
-        World coordinates are ``rotation @ board + translation``, in m.
-    sensor : Sensor
-        Grey levels and noise.
-    rng : numpy.random.Generator, optional
-        Source of the noise; without it there is none.
+    World coordinates are ``rotation @ board + translation``, in m. Without `rng` there is no noise.
     """
     shapes = [_divide_sides(vertices, 0.01) for vertices in (board.outline, *board.dark_tiles)]
     flat, polygons = _join_print(shapes, sensor)

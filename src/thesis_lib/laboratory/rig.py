@@ -13,8 +13,7 @@ Parallel boards determine no focal length (Zhang 2000, section 4), and tilts abo
 leave the aspect ratio weak, so the board is tilted, turned and rolled, and it is moved through the
 volume that the beam takes up, as far as its corners stay in the images.
 
-Rigs of other experiments are made here, too, and the replicates of all: cameras that were put up
-again, on other clocks, with other noise.
+Replicates have the same cameras put up again, on other clocks, with other noise.
 """
 
 import hashlib
@@ -56,11 +55,7 @@ _BOARD_POSES = np.array(
 
 
 def default_poses() -> tuple[Array, Array]:
-    """Return twelve poses of a two-sided board for cameras at ±22° elevation on both sides of XZ.
-
-    Rotations (12, 3, 3) turn directions in the board's frame into directions in the world, and
-    translations (12, 3) are the board's centre in the world, m.
-    """
+    """Return twelve poses of the board: rotations (12, 3, 3) into the world, and centres in m."""
     tilt, turn, roll = np.radians(_BOARD_POSES[:, :3]).T
     upright = _rotate_about_axis(2, turn) @ _rotate_about_axis(0, tilt) @ _UPRIGHT_ROTATION
     return upright @ _rotate_about_axis(2, roll), _BOARD_POSES[:, 3:] * 1e-3
@@ -145,31 +140,9 @@ def default_rig(
     The motion is at rest for a second, grows over two periods, and is filmed in its steady state
     for a second and at least five periods.
 
-    Parameters
-    ----------
-    structure : Beam or Plate
-        What is filmed.
-    directions_deg : sequence of tuple
-        Azimuth and elevation of each camera.
-    focal_length, sensor_width : float
-        In m; the pixels are square and fill the width.
-    distance : float
-        Of all cameras from the structure's centre, m.
-    size : tuple of int
-        Width and height of the sensors in px.
-    sensor : Sensor, optional
-        Exposure, spread, noise and grey levels.
-    frame_rate : float
-        Frames per second.
-    components : tuple of Component
-        The steady vibration.
-    lens_k1 : float
-        First coefficient of the lens distortion.
-    seed : int
-        Seed of all noise and of the cameras' starts.
-    markers : Markers, optional
-        Those of the thesis's beam if not given, or in the plate's cells with a fifth of their side
-        as diameter.
+    Lengths are in m; pixels are square and fill the sensor's width. All cameras stand `distance`
+    from the structure's centre, at these azimuths and elevations. Markers are those of the thesis's
+    beam if not given, or in a plate's cells with a fifth of their side as diameter.
     """
     angles = np.radians(directions_deg)
     rotations = pinhole.hemisphere_rotations(angles[:, 0], angles[:, 1])
@@ -196,8 +169,7 @@ def default_rig(
 
 
 # Rigs for fast vibrations: a few frames at rest and then, after half a period that no frame needs,
-# frames of the steady vibration. A real structure takes its time to get there; frames before that
-# are useless.
+# frames of the steady vibration.
 
 REST_FRAMES = 4  # frames at rest
 RAMP_PERIODS = 0.5  # periods in which the vibration takes up
@@ -263,9 +235,8 @@ def camera_rig(
     )
 
 
-# Replicates: the cameras are set up again, with other starts and other noise. Nobody puts a tripod
-# back to where it stood: each camera is a little off its place and its direction, so that all
-# markers fall on other parts of their pixels. Starts and noise come from the seed of the rig.
+# Replicates: nobody puts a tripod back to where it stood. Each camera is a little off its place and
+# its direction, so that all markers fall on other parts of their pixels.
 
 PLACE_STD_M = 1e-3  # m, standard deviation of a camera's place along X, Y and Z
 TURN_STD_RAD = np.radians(0.1)  # of its direction about each of its axes

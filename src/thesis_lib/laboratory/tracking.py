@@ -4,13 +4,10 @@ Cameras are known, too, or calibrated first. What remains of the laboratory is w
 pixels, noise and the tracker do. A few periods are enough for that, so that many rigs can be tried
 in the time of one full recording.
 
-Cameras before a planar structure of any outline are each a little off their aim and take
-calibration images of a board; all are calibrated together from these. Then they read no more of
-their sensors than the structure reaches, and markers are followed from the corners of the outline,
-marked to a pixel.
-
-Tracks of many rigs are recorded as one dataset, and read from it. In an impact test a structure is
-tapped and rings, and its free decay is cut out of the tracks.
+Cameras before a planar structure of any outline are each a little off their aim; all are calibrated
+together from images of a board. Then they read no more of their sensors than the structure reaches,
+and markers are followed from the corners of the outline, marked to a pixel. In an impact test a
+structure is tapped and rings, and its free decay is cut out of the tracks.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,7 +17,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from thesis_lib.arrays import Array, ArrayLike, ComplexArray, Image, IntArray
+from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.laboratory import rig as rigs
 from thesis_lib.laboratory.recording_files import render_board_images
 from thesis_lib.laboratory.render import BeamView
@@ -110,11 +107,8 @@ def track_camera(
 
 def track_cameras(rig: Rig) -> list[TrackedCentres]:
     """Track the markers in every camera, side by side; cameras and corners are known."""
-
-    def track_station(index: int) -> TrackedCentres:
-        return track_camera(rig, index, true_view(rig.stations[index].camera, rig.markers))
-
-    return map_in_pairs(track_station, range(len(rig.stations)))
+    views = [true_view(camera, rig.markers) for camera in rig.cameras]
+    return map_in_pairs(lambda job: track_camera(rig, *job), enumerate(views))
 
 
 def record_tracks(
@@ -133,10 +127,9 @@ def record_tracks(
 
 
 def read_tracks(tracks: Array, rig: Rig) -> list[TrackedCentres]:
-    """Return what the cameras of a rig saw, from their stored tracks.
+    """Return what the cameras of a rig saw, from stored tracks (cameras, frames, 2, markers), px.
 
-    `tracks` has the shape (cameras, frames, 2, markers), px. Times are not stored: the rig gives
-    them, to the last bit.
+    Times are not stored: the rig gives them, to the last bit.
     """
     found = []
     for station, centres in zip(rig.stations, tracks, strict=True):
@@ -154,10 +147,7 @@ def _stored_frames(times: Array, frames: int) -> IntArray:
 def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> fits.Fitted:
     """Fit harmonics to the steady interval by the true cameras, and the frame of the markers.
 
-    Raises
-    ------
-    ValueError
-        If fewer than three markers at rest are seen by two cameras.
+    It is a ValueError if two cameras see fewer than three markers at rest.
     """
     harmonics: list[fits.Harmonics] = []
     rest = []
@@ -175,10 +165,9 @@ BOARD_TILT_DEG = 15.0  # of the board in all poses but one, which is flat, °
 
 
 def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int = 10) -> Rig:
-    """Turn cameras a little off their aim, and hold a board over the structure.
+    """Turn cameras a little off their aim, and hold a board over the structure in some poses.
 
     The cameras look at its centre from a `distance` in m, of which the board's size is a share.
-    The board is held in some `poses`, the first one flat.
     """
     Rotation = scipy.spatial.transform.Rotation
     turned = np.radians(AIM_STD_DEG) * draw.standard_normal((len(rig.stations), 3))
@@ -201,21 +190,15 @@ def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int
 def calibrate_rig(rig: Rig) -> Adjustment:
     """Calibrate the cameras from their calibration images, in a world of their own.
 
-    Raises
-    ------
-    CalibrationError
-        If the board is not found often enough.
+    It is a CalibrationError if the board is not found often enough.
     """
-
-    def corners(image: Image) -> Array | None:
-        try:
-            return find_corners(image, rig.board)
-        except BoardNotFound:
-            return None
-
-    found = [
-        [corners(image) for image in render_board_images(rig, i)] for i in range(len(rig.stations))
-    ]
+    found: list[list[Array | None]] = [[] for _ in rig.stations]
+    for index, row in enumerate(found):
+        for image in render_board_images(rig, index):
+            try:
+                row.append(find_corners(image, rig.board))
+            except BoardNotFound:
+                row.append(None)
     single = [
         calibrate_camera(row, rig.board, camera.size, name=camera.name)
         for row, camera in zip(found, rig.cameras, strict=True)
@@ -283,9 +266,7 @@ class ImpactMotion(Motion):
 
     def coordinates(self, times: ArrayLike) -> Array:
         """Return displacement of each mode where its shape is 1, shape (components, ...), m."""
-        t = np.asarray(times, float) - self.start
-        gains = self._gains()
-        return np.stack([gain * _integrate_pulse(pole, t, self.ramp).imag for pole, gain in gains])
+        return np.stack([one.imag for one in self._responses(np.asarray(times, float))])
 
     def force(self, times: ArrayLike) -> Array:
         """Return force of the tap in N."""
@@ -295,21 +276,21 @@ class ImpactMotion(Motion):
 
     def amplitudes(self, points: ArrayLike, at: float) -> ComplexArray:
         """Return complex shapes (modes, n) of the free modes e^{λ (t − at)} at points (2, n), m."""
-        since, gains = np.array(at - self.start), self._gains()
-        size = [-1j * gain * _integrate_pulse(pole, since, self.ramp) for pole, gain in gains]
-        return np.asarray(np.array(size)[:, None] * self.shapes(points), complex)
+        size = -1j * np.array(self._responses(np.array(at)))
+        return np.asarray(size[:, None] * self.shapes(points), complex)
 
     @property
     def _peak(self) -> float:
         return self.impulse * np.pi / (2 * self.ramp)
 
-    def _gains(self) -> list[tuple[complex, float]]:
-        """Return the pole of each mode, and its exponential's imaginary part by a force of 1 N."""
+    def _responses(self, times: Array) -> list[ComplexArray]:
+        """Return each mode's answer to the tap, whose imaginary part is the displacement, m."""
         place, found = np.array(self.point)[:, None], []
         for part, pole in zip(self.components, self.poles, strict=True):
             drive = float(part.shape(self.structure, place)[0])
             mass = self.structure.mass / self.structure.shape_peak(part.mode) ** 2
-            found.append((complex(pole), self._peak * drive / (mass * pole.imag)))
+            gain = self._peak * drive / (mass * pole.imag)
+            found.append(gain * _integrate_pulse(complex(pole), times - self.start, self.ramp))
         return found
 
 
@@ -335,8 +316,8 @@ def tap_structure(
     """Let the structure be tapped after some rest, and render some seconds in all.
 
     Its first modes ring, one for each damping ratio. It is tapped at `point` in m by an `impulse`
-    in N s, for a time `pulse` in s that begins `rest` s after the last camera's start. The `rates`
-    are frames per second of each camera; those of the rig if there are none.
+    in N s, for `pulse` s that begin `rest` s after the last camera's start. The `rates` are those
+    of the cameras if they differ from the rig's.
     """
     structure: Structure = rig.motion.structure
     hertz = structure.angular_frequencies(len(damping)) / (2 * np.pi)

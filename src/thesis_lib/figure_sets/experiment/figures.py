@@ -1,8 +1,6 @@
 """Drawings of the laboratory: the rig, the board on each sensor, the sound, and a marker over time.
 
-Each function makes one figure from the measured dataset. Cameras keep their colours throughout.
-Figures of the notebooks are those of all beams (:func:`thesis_lib.plotting.panels.beam_figure`);
-what their tables need is at the end.
+Figures of the notebooks are those of all beams (:func:`thesis_lib.plotting.panels.beam_figure`).
 """
 
 from typing import Any
@@ -11,12 +9,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Circle, PathPatch, Polygon, Rectangle
-from matplotlib.path import Path
+from matplotlib.patches import Arc, Circle, Polygon, Rectangle
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER, select_tracks
+from thesis_lib.laboratory.parameters import CAMERA_NAMES
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.plotting import selection, style
@@ -29,11 +27,6 @@ WIDTH_IN = 5.5  # in: on a phone the letters are then hardly smaller than the te
 SKETCH_INK, BEAM_GREY, SENSOR_GREY = "#333333", "#dcdcdc", "#f4f4f4"
 WHITE_GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
 RESIDUAL_FACTOR = 8000.0  # times that residuals are drawn larger
-
-
-def camera_letters(data: xr.Dataset) -> str:
-    """Return the cameras' letters."""
-    return "".join(str(name) for name in data["camera"].values)
 
 
 def write_label(axes: Axes, place: Any, text: str, **look: Any) -> None:
@@ -54,21 +47,16 @@ def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, *
     axes.annotate("", end, start, zorder=zorder, arrowprops=arrow)
 
 
-# The rig.
-
-
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
-    found = select_tracks(data, MARKERS, camera_letters(data), int(data["width"].max()), "full")
+    found = select_tracks(data, ("harmonic", CAMERA_NAMES, int(data["width"].max())))
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
-    heights = [3.9, 1.75, 0.75, 1.6]
-    figure, axes = style.subplots(4, 1, figsize=(WIDTH_IN, 7.7), height_ratios=heights)
+    figure, axes = style.subplots(3, 1, figsize=(WIDTH_IN, 6.1), height_ratios=[3.9, 1.75, 0.75])
     _draw_plan(axes[0], centres, looks)
     _draw_side(axes[1], centres, looks)
-    _draw_layout(axes[2], whole=True)
-    _draw_layout(axes[3], whole=False)
+    _draw_layout(axes[2])
     return figure
 
 
@@ -144,95 +132,59 @@ def _hide_axes(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> No
     axes.axis("off")
 
 
-def _draw_layout(axes: Axes, whole: bool) -> None:
-    """Draw markers and hole on the beam, in mm: all of it, or the clamped end with measures."""
+def _draw_layout(axes: Axes) -> None:
+    """Draw markers, hole and shaker on the beam; its title says what is printed, in mm."""
     length, width = 1e3 * np.array(MARKERS.extent)
-    places, radius = 1e3 * MARKERS.positions, 500 * MARKERS.diameter
-    axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
+    places, radius, row = 1e3 * MARKERS.positions, 500 * MARKERS.diameter, MARKERS.columns
+    apart = (
+        f"every {places[0, 1] - places[0, 0]:g} mm in rows {1e3 * MARKERS.row_spacing:g} mm apart"
+    )
+    axes.set_title(f"(c) printed on it: a hole, and markers of {2 * radius:g} mm {apart}")
     draw_box(axes, (0, 0), (length, width), BEAM_GREY)
     for n, place in enumerate(places.T):
         ink = style.HIGHLIGHT_COLOR if n >= MARKERS.count else SKETCH_INK  # the hole comes last
         axes.add_patch(Circle(place, radius, color=ink, zorder=3))
-    row = MARKERS.columns
-    if whole:
-        for y, first in zip(places[1, ::row], range(1, MARKERS.count, row), strict=False):
-            apart = y + 0.7 * (y - width / 2)  # else they touch
-            write_label(axes, (-6, apart), str(first), ha="right", fontsize=7.5)
-            write_label(axes, (length + 6, apart), str(first + row - 1), ha="left", fontsize=7.5)
-        _hide_axes(axes, (-32, length + 32), (-4, width + 4))
-        return
-    first, second, third, fourth = places[0, :4]
-    low, high = places[1, [row, 2 * row]]
-    line: Any = {"color": SKETCH_INK, "linewidth": 0.6}  # to the measures
-    right = fourth + 13
-    for x in (first, second):
-        axes.plot([x, x], [high, width + 9], **line)
-    _draw_measure(axes, (first, width + 7), (second, width + 7), f"{second - first:g}")
-    for y in (low, high):
-        axes.plot([fourth, right + 2], [y, y], **line)
-    _draw_measure(axes, (right, low), (right, high), f"{1e3 * MARKERS.row_spacing:g}")
-    force, ink = tuple(1e3 * setups.thesis_beam().force_point[:, 0]), style.RED
-    axes.plot(*force, "X", color=ink, markersize=9, markeredgecolor="white", zorder=5)
-    _point_at(axes, force, 4, "shaker beneath", "left", ink)
-    if MARKERS.hole is not None:
-        _point_at(axes, tuple(places[:, -1]), -3, "hole", "right", style.HIGHLIGHT_COLOR)
-    write_label(axes, (third, width + 7), f"markers ⌀ {2 * radius:g}", ha="left")
-    draw_box(axes, (-14, -3), (14, width + 6), "white", hatch="////")
-    _hide_axes(axes, (-16, 118), (-12, width + 14))
-
-
-def _point_at(axes: Axes, place: Any, aside: float, text: str, align: str, ink: str) -> None:
-    look: Any = {"color": ink, "ha": align, "va": "center"}
-    line = {"arrowstyle": "-", "color": ink}
-    axes.annotate(text, place, (place[0] + aside, -7), arrowprops=line, **look)
-
-
-def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
-    _draw_arrow(axes, start, end, "<->", linewidth=0.8, shrinkA=0, shrinkB=0)
-    write_label(axes, np.mean([start, end], axis=0), text, bbox=WHITE_GROUND | {"pad": 1.5})
-
-
-# The board.
+    for y, first in zip(places[1, ::row], range(1, MARKERS.count, row), strict=False):
+        outward = y + 0.7 * (y - width / 2)  # else they touch
+        write_label(axes, (-6, outward), str(first), ha="right", fontsize=7.5)
+        write_label(axes, (length + 6, outward), str(first + row - 1), ha="left", fontsize=7.5)
+    force = 1e3 * setups.thesis_beam().force_point[:, 0]
+    axes.plot(*force, "X", markersize=7, markeredgecolor="white", zorder=5, color=style.RED)
+    write_label(axes, (force[0], -16), "shaker beneath", color=style.RED)
+    _hide_axes(axes, (-32, length + 32), (-22, width + 4))
 
 
 def draw_coverage(data: xr.Dataset) -> Figure:
     """Draw all corners on each sensor, with their residuals exaggerated (figure D.5)."""
     figure, grid = style.panel_grid(data.sizes["camera"], WIDTH_IN, 1.8)
     for i, (axes, camera) in enumerate(zip(grid, iterate_slices(data, "camera"), strict=False)):
-        _draw_sensor(axes, camera, i)
+        corners, residual = (
+            camera[name].transpose("axis", "shot", "corner").values.reshape(2, -1)
+            for name in ("adjusted_corners", "corner_residuals")
+        )
+        width, height = (float(size) for size in camera["size"].values)
+        scale, left = RESIDUAL_FACTOR * width / 1920, 0.03 * width
+        draw_box(axes, (0, 0), (width, height), SENSOR_GREY)
+        _draw_segments(axes, corners, corners + scale * residual, style.cycle_color(i), 0.7)
+        _draw_segments(axes, corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6)
+        still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
+        row = still.transpose("axis", "marker").values[:, MARKERS.middle_row]
+        axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
+        ink: Any = {"color": style.HIGHLIGHT_COLOR}
+        axes.plot([left, left + 0.01 * scale], [0.95 * height] * 2, linewidth=2, **ink)
+        look = ink | {"fontsize": 7.5, "ha": "left", "va": "bottom"}
+        ground = WHITE_GROUND | {"facecolor": SENSOR_GREY}
+        write_label(axes, (left, 0.92 * height), "0.01 px", bbox=ground, **look)
+        rms = np.sqrt(np.nanmean(residual**2))
+        axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
+        _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
     return figure
 
 
-def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
-    corners, residual = (
-        camera[name].transpose("axis", "shot", "corner").values.reshape(2, -1)
-        for name in ("adjusted_corners", "corner_residuals")
-    )
-    width, height = (float(size) for size in camera["size"].values)
-    unit = width / 1920
-    draw_box(axes, (0, 0), (width, height), SENSOR_GREY)
-    ends = corners + RESIDUAL_FACTOR * unit * residual
-    axes.add_patch(_draw_segments(corners, ends, style.cycle_color(index), 0.7))
-    axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
-    rms = np.sqrt(np.nanmean(residual**2))
-    still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
-    row = still.transpose("axis", "marker").values[:, MARKERS.middle_row]
-    axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
-    left, bar = 0.03 * width, 0.01 * RESIDUAL_FACTOR * unit
-    axes.plot([left, left + bar], [0.95 * height] * 2, color=style.HIGHLIGHT_COLOR, linewidth=2)
-    look: Any = {"color": style.HIGHLIGHT_COLOR, "fontsize": 7.5, "ha": "left", "va": "bottom"}
-    ground = WHITE_GROUND | {"facecolor": SENSOR_GREY}
-    write_label(axes, (left, 0.92 * height), "0.01 px", bbox=ground, **look)
-    axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
-    _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
-
-
-def _draw_segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
-    """Draw segments between points (2, n) as one path; NaN is left out."""
-    known = np.isfinite(start + end).all(axis=0)
-    points = np.stack([start[:, known].T, end[:, known].T], axis=1).reshape(-1, 2)
-    codes = np.tile([Path.MOVETO, Path.LINETO], len(points) // 2)
-    return PathPatch(Path(points, codes), fill=False, edgecolor=tint, linewidth=width)
+def _draw_segments(axes: Axes, start: Array, end: Array, tint: str, width: float) -> None:
+    """Draw segments between points (2, n) as one line with gaps."""
+    points = np.stack([start, end, np.full_like(start, np.nan)], axis=2).reshape(2, -1)
+    axes.plot(*points, color=tint, linewidth=width, solid_capstyle="butt")
 
 
 def draw_sound(data: xr.Dataset) -> Figure:
@@ -243,7 +195,7 @@ def draw_sound(data: xr.Dataset) -> Figure:
     whole = data["delay_frames"].values / data["frame_rate"].values
     figure, panels = style.make_mosaic([["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2))
     top, below = panels["own"], [panels["whole"], panels["part"]]
-    for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
+    for i, (own, name) in enumerate(zip(signal, data["camera"].values, strict=True)):
         top.plot(seconds, own - i, color=style.cycle_color(i), linewidth=0.9)
         text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
         top.text(begin - 0.74, 0.13 - i, text, color=SKETCH_INK)
@@ -285,7 +237,7 @@ def draw_tracks(data: xr.Dataset) -> Figure:
     common = own + data["delay"].values[:, None]
     omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
     figure, axes = style.subplots(3, 1, figsize=(WIDTH_IN, 6.4), height_ratios=[1.1, 1.1, 0.8])
-    for i, name in enumerate(camera_letters(data)):
+    for i, name in enumerate(data["camera"].values):
         ink: Any = {"color": style.cycle_color(i)}
         dots: Any = {**ink, "markersize": 3.5}
         rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])

@@ -4,7 +4,6 @@ Beside the full calibration stands the thesis's own, and markers are followed at
 What comes out is one dataset that the methods work on; nothing here knows the truth.
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,15 +12,16 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, IntArray, stack_padded
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment.figure_set import Way
 from thesis_lib.measure.calibration import rig
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.fitting import harmonics as fits, reconstruction as rc
-from thesis_lib.measure.recordings.board import Board, Markers
+from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.recordings.validation import check_files, clock_of, markers_of
+from thesis_lib.measure.recordings.validation import check_files, clock_of
 from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers
 from thesis_lib.measure.synchronisation.listen import whole_frames
-from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision import pinhole
 
@@ -33,8 +33,8 @@ RECORDING_VARIABLES = read_variables(__file__, "recording")
 def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     """Calibrate as the thesis does (Appendices D and E), from corners in px.
 
-    Zhang's method on the central 5 × 7 squares, whose intrinsics and distortion are kept, and all
-    poses refined in common, in the frame of the first shot.
+    By Zhang's method on the central 5 × 7 squares; then all poses are refined in common, in the
+    frame of the first shot.
     """
     board = manifest.board.board
     used = corners[..., rig.central_corners(board)]
@@ -50,10 +50,10 @@ def measure_recordings(
     manifest: Manifest,
     folder: Path,
     steps: Path,
-    widths: Sequence[int] = (),
+    widths: Sequence[int],
     windows: Sequence[tuple[Array, tuple[int, int]]] = (),
 ) -> xr.Dataset:
-    """Calibrate, listen and track, at some widths in px or at that of the first camera.
+    """Calibrate, listen and track, at some widths in px.
 
     Videos may hold parts of the sensors: `windows`, of each its corner and its size in px.
 
@@ -63,64 +63,31 @@ def measure_recordings(
         Dimensions ``camera``, ``width``, ``frame``, ``axis``, ``marker``, ``calibration``:
         centres in px (distortion included), both calibrations, delays, force.
     """
+    calibration, sound = calibrate_rig(manifest, folder, steps), read_sound(manifest, folder, steps)
+    seen, corners = calibration, np.zeros((len(manifest.cameras), 2))
     if windows:  # whose frames are smaller than the manifest says
         clocks = [clock_of(camera, folder) for camera in manifest.cameras]
-    else:
-        clocks = check_files(manifest, folder)
-    full = manifest.cameras[0].width_px
-    widths = list(widths) or [full]
-    calibration, sound = calibrate_rig(manifest, folder, steps), read_sound(manifest, folder, steps)
-    seen, corners = calibration, None
-    if windows:
         corners, sizes = (np.array(part) for part in zip(*windows, strict=True))
         K = calibration["K"].copy(deep=True)
         K.values[:, :2, 2] -= corners
         seen = calibration.assign(K=K, size=calibration["size"].copy(data=sizes))
-    shares = [width / full for width in widths]
-    followed = track_markers(manifest, folder, steps, seen, sound, clocks, shares)
-    data = join_steps(manifest, widths, calibration, sound, followed, corners)
-    check_grid(data, markers_of(manifest))
-    return data
-
-
-def check_grid(data: xr.Dataset, markers: Markers) -> None:
-    """Refuse cameras whose views of the resting markers do not fit the nominal grid."""
-    tracks = data["tracks"].sel(width=data["width"].max()).values
-    still = np.arange(tracks.shape[1]) < float(data["rest"]) * data["frame_rate"].values[:, None]
-    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
-        raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
-    cameras = read_cameras(data, "full", int(data["width"].max()))
-    rest = np.array([pinhole.undistort_pixels(c, own) for c, own in zip(cameras, raw, strict=True)])
-    rc.check_frame(cameras, rest, markers)
-
-
-def join_steps(
-    manifest: Manifest,
-    widths: Sequence[int],
-    calibration: xr.Dataset,
-    sound: xr.Dataset,
-    followed: Sequence[Recording],
-    corners: Array | None = None,
-) -> xr.Dataset:
-    """Join what the steps have found into the dataset of :func:`measure_recordings`.
-
-    `corners`, shape (cameras, 2), are where the frames begin on the sensors, in px of full size.
-    """
+    else:
+        clocks = check_files(manifest, folder)
+    shares = np.array(widths) / manifest.cameras[0].width_px
+    followed = track_markers(manifest, folder, steps, seen, sound, clocks, shares.tolist())
     names = [camera.name for camera in manifest.cameras]
     both = stack_padded(np.load(own.path).swapaxes(0, 1) for own in followed)
-    tracks, matches = np.moveaxis(both.reshape(len(names), 2, len(widths), *both.shape[2:]), 1, 0)
-    if corners is not None:
-        shift = np.array(widths)[:, None] / manifest.cameras[0].width_px * corners[:, None]
-        tracks, matches = (own + shift[:, :, None, :, None] for own in (tracks, matches))
+    both = both.reshape(len(names), 2, len(widths), *both.shape[2:])
+    both += (shares[:, None] * corners[:, None])[:, None, :, None, :, None]  # on the sensors
     thesis = calibrate_centrally(calibration["corners"].values, manifest)
     cameras = [thesis.cameras, rig.cameras_in(calibration)]
     rates = [c.frame_rate_hz for c in manifest.cameras]
     values = {
-        "tracks": tracks,
-        "matches": matches.astype(np.float32),
+        "tracks": both[:, 0],
+        "matches": both[:, 1].astype(np.float32),
         "exposure": [c.exposure_s for c in manifest.cameras],
         "rest": manifest.excitation.rest_duration_s,
-        "full_scale": manifest.excitation.force_per_full_scale_n or np.nan,
+        "full_scale": manifest.excitation.force_per_full_scale_n,
         "frame_rate": rates,
         "delay_frames": whole_frames(sound["delay"].values, rates[0]),
         **{name: sound[name].values for name in ("delay", "frequency", "force", "steady")},
@@ -143,8 +110,7 @@ def join_steps(
         "notes": "\n".join(filter(None, [calibration.attrs["notes"], *notes])),
         "synchronisation": sound.attrs["synchronisation"],
     }
-    ordered = {name: values[name] for name in RECORDING_VARIABLES}
-    return xr.Dataset(label_values(ordered, RECORDING_VARIABLES), coords, attributes)
+    return xr.Dataset(label_values(values, RECORDING_VARIABLES), coords, attributes)
 
 
 def read_cameras(
@@ -179,27 +145,19 @@ class Tracks(fits.Fitted):
         return float(1 / (self.times[0, 1] - self.times[0, 0]))
 
 
-def select_tracks(
-    data: xr.Dataset,
-    markers: Markers,
-    names: Sequence[str],
-    width: int,
-    calibration: str,
-    matched: bool = False,
-) -> Tracks:
-    """Return the tracks of the named cameras at one width, by one of the two calibrations.
+def select_tracks(data: xr.Dataset, way: Way) -> Tracks:
+    """Return the tracks that are measured in one way, by the calibration that it takes.
 
-    If `matched`, the centres are those of the template
-    match: at rest those of the first frame, and in motion they scatter about the harmonics of the
-    fitted ones.
+    Where centres are *matched*, they are those of the template match: at rest those of the first
+    frame, and in motion they scatter about the harmonics of the fitted ones.
     """
-    index = [list(data["camera"].values).index(name) for name in names]
-    every = read_cameras(data, calibration, width)
-    cameras = [every[i] for i in index]
-    uv = _undistort_tracks(cameras, data["tracks"].sel(width=width).values[index])
-    rates = data["frame_rate"].values[index]
+    (method, names, width), markers = way, rows_on(setups.thesis_beam())
+    data = data.sel(camera=list(names))
+    cameras = read_cameras(data, "full" if method == "harmonic" else "literal", width)
+    uv = _undistort_tracks(cameras, data["tracks"].sel(width=width).values)
+    rates, delays = data["frame_rate"].values, data["delay"].values
     own_times = np.arange(uv.shape[1]) / rates[:, None]
-    times = own_times + data["delay"].values[index][:, None]
+    times = own_times + delays[:, None]
     omega = 2 * np.pi * float(data["frequency"])
     begin, end = data["steady"].values
     # Where the second harmonic nears the frame rate less the first, frames cannot tell them apart.
@@ -212,15 +170,13 @@ def select_tracks(
     ]
     still = np.array([fits.mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
     rest, rest_frames = still, int(np.count_nonzero(resting[0]))
-    if matched:
-        matches = data["matches"].sel(width=width).values[index]
-        uv = _undistort_tracks(cameras, matches.astype(float))
+    if method == "matched":
+        uv = _undistort_tracks(cameras, data["matches"].sel(width=width).values.astype(float))
         rest, rest_frames = uv[:, 0], 1
         for i, own in enumerate(harmonics):
             off = uv[i] - own.at(omega, times[i])
             harmonics[i] = replace(own, sigma=np.sqrt(fits.mean_of(off[steady[i]] ** 2)))
     fit = fits.combine_fit(cameras, harmonics, rest, markers)
-    delays = data["delay"].values[index]
     whole = whole_frames(delays - delays[0], rates[0])
     return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, rest_frames)
 

@@ -1,8 +1,6 @@
 """Figures and paragraphs of the page that walks through chapter 5, from its recordings.
 
-What the cameras see is drawn with what is found in it, a figure for each step of the chain, from
-the measured dataset. Pixels are counted from the corner of the sensor, as everywhere: the first one
-reaches from 0 to 1.
+What the cameras see is drawn with what is found in it, a figure for each step of the chain.
 """
 
 import io
@@ -26,6 +24,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute, figure_set, figures, methods
 from thesis_lib.figure_sets.experiment.figures import MARKERS, WIDTH_IN
 from thesis_lib.laboratory.experiment import compare_deflections
+from thesis_lib.laboratory.parameters import CAMERA_NAMES
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import Board
@@ -75,8 +74,8 @@ def _write_note(axes: Axes, place: Any, text: str, tint: str = "white", **look: 
 def _draw_frame(axes: Axes, box: Box, tint: str) -> None:
     """Draw the border of a part that another panel shows."""
     left, right, top, bottom = box
-    size: Any = right - left, bottom - top
-    axes.add_patch(Rectangle((left, top), *size, fill=False, edgecolor=tint, linewidth=1.3))
+    frame = Rectangle((left, top), right - left, bottom - top, edgecolor=tint, linewidth=1.3)
+    axes.add_patch(frame).set_fill(False)
 
 
 def _draw_crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
@@ -103,16 +102,13 @@ def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
     return np.asarray(part.transpose("axis", "marker").values, float)
 
 
-# What they see.
-
-
 def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
     apart, height = {"wspace": 0.01, "hspace": 0.01}, (WIDTH_IN * 9 / 16 + 0.03) / 2
     figure, grid = style.panel_grid(len(pictures), WIDTH_IN, height, gridspec_kw=apart)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)  # type: ignore[union-attr,call-arg]
-    for i, (axes, name) in enumerate(zip(grid, figures.camera_letters(data), strict=False)):
+    for i, (axes, name) in enumerate(zip(grid, data["camera"].values, strict=False)):
         _draw_photo(axes, pictures[i], smooth=True)
         scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
         row = scale * _rest_centres(data, i)[:, MARKERS.middle_row]
@@ -149,9 +145,6 @@ def draw_board(data: xr.Dataset) -> Figure:
     left.set_title("(a) one shot of camera A")
     right.set_title("(b) one corner, pixel by pixel")
     return figure
-
-
-# Appendix F.
 
 
 def draw_outline(data: xr.Dataset) -> Figure:
@@ -236,9 +229,6 @@ def draw_centres(data: xr.Dataset) -> Figure:
     return figure
 
 
-# Resolution.
-
-
 def draw_widths(data: xr.Dataset) -> Figure:
     """Draw three columns of markers at every width, and what tracking makes of them."""
     full = data["picture_first"].values
@@ -314,8 +304,7 @@ def _synchronisation(data: xr.Dataset) -> dict[str, Any]:
 def _clocks(data: xr.Dataset) -> dict[str, Any]:
     """Return the frames in a period, and what a clock that is off costs."""
     half, whole = (_phase_loss(data, frames) for frames in (0.5, 1.0))
-    rate, frequency = float(data["frame_rate"][0]), float(data["frequency"])
-    return {"rate": rate, "frequency": frequency, "half": half, "whole": whole}
+    return {"rate": data["frame_rate"][0], "half": half, "whole": whole}
 
 
 def _exposure(data: xr.Dataset) -> dict[str, Any]:
@@ -345,32 +334,30 @@ def _tracking(data: xr.Dataset) -> dict[str, Any]:
 def _steps(data: xr.Dataset) -> dict[str, Any]:
     """Measure the deflection by the four methods, and the frame it is measured in."""
     given, beam = json.loads(data.attrs["rendering"]), setups.thesis_beam()
-    instant, found = methods.find_maxima(data, beam.damping), []
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
-    reference = part.amplitude * part.shape(beam, beam.markers)
-    tracks = {method: _tracks(data, method) for method in figure_set.METHODS}
-    for method, own in tracks.items():
-        every, _ = methods.measure_deflection(own, instant, method, data["exposure"].values)
+    reference, found = part.amplitude * part.shape(beam, beam.markers), []
+    for method in figure_set.METHODS:
+        tracks, every, _ = compute.measure_way(data, _way_of(data, method))
         measured = every[MARKERS.middle_row]
         found.append((method, measured, compare_deflections(measured[None], reference)))
     return {
         "methods": found,
         "widest": int(data["width"].max()),
         "reference": reference,
-        "frame": tracks["harmonic"].frame,
+        "frame": tracks.frame,  # of the last one, the harmonic fit
     }
 
 
-def _tracks(data: xr.Dataset, method: str) -> methods.Tracks:
-    """Return the tracks of all cameras at the largest width, as a method takes them."""
-    return compute.tracks_of(data, (method, figures.camera_letters(data), int(data["width"].max())))
+def _way_of(data: xr.Dataset, method: str) -> figure_set.Way:
+    """Return the way that takes all cameras at the largest width."""
+    return method, CAMERA_NAMES, int(data["width"].max())
 
 
 def _parts(data: xr.Dataset) -> dict[str, Any]:
     """Return what the literal method loses to the missed maximum and to whole frames alone."""
     row = MARKERS.middle_row
     instant = methods.find_maxima(data, setups.thesis_beam().damping)
-    tracks = _tracks(data, "literal")
+    tracks = methods.select_tracks(data, _way_of(data, "literal"))
     maximum, frame = instant.nearest(tracks.rate, tracks.times[0, 0] * tracks.rate)
     exact = (data["delay"] - data["delay"][0]).values
     residual, n = exact - tracks.frames / tracks.rate, len(exact)

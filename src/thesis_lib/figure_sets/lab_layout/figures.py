@@ -1,10 +1,4 @@
-"""What the cubes of ``lab-elevation`` and ``lab-layout`` come to: optima, figures, tables.
-
-A case in which one number is varied has four panels: (a) the cameras, (b) the error, with what the
-law says if all centres were equally exact, and what scatter and bias of the centres say by
-themselves, (c) scatter and bias of the centres, (d) markers that are lost, or where along the beam
-the error is.
-"""
+"""What the cubes of ``lab-elevation`` and ``lab-layout`` come to: optima, figures, tables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +12,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
 
-from thesis_lib.arrays import Array, ArrayLike, Mask
+from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.facts import setups
 from thesis_lib.plotting import panels as figures, selection, style
 from thesis_lib.studies import cubes, fields
@@ -97,6 +91,11 @@ def select_complete(part: xr.Dataset) -> xr.Dataset:
     return part.isel(setting=np.flatnonzero(part["missing"].values[:, 0] == 0))
 
 
+def select_known(part: xr.Dataset) -> xr.Dataset:
+    """Select the settings that have an error."""
+    return part.isel(setting=np.flatnonzero(np.isfinite(predict_errors(part))))
+
+
 def select_viewable(cube: xr.Dataset) -> xr.Dataset:
     """Select the best and worst sets of each number: no more than a viewer has room for."""
     kept: list[int] = []
@@ -121,9 +120,10 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     if case == "subsets":
         drawing = Figure(figsize=(7.6, 6.6), layout="constrained")
         parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
-        _draw_plans(parts[0, 0], part)
-        _compare_with_law(parts[0, 1].subplots(), parts[1, 0].subplots(), part)
-        _by_number(parts[1, 1].subplots(), part)
+        if (known := select_known(part)).sizes["setting"]:
+            _draw_plans(parts[0, 0], known)
+            _compare_with_law(parts[0, 1].subplots(), parts[1, 0].subplots(), known)
+            _by_number(parts[1, 1].subplots(), known)
         return drawing
     part = part.sortby("value")
     values, varied = part["value"].values, str(part["parameter"].values[0])
@@ -193,15 +193,13 @@ def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
 
 
 def _draw_along(axes: Axes, part: xr.Dataset) -> None:
-    error = predict_errors(part)
-    if np.isfinite(error).any():
-        worst = int(np.nanargmax(error)), "worst", style.WORST_COLOR
-        best = int(np.nanargmin(error)), "best", style.BEST_COLOR
-        for index, word, ink in (best, worst)[: 1 if best[0] == worst[0] else 2]:
-            one = part.isel(setting=index)
-            label = f"{one['label'].item()} ({word})"
-            axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, color=ink, lw=1)
-        axes.legend()
+    known, error = select_known(part), predict_errors(select_known(part))
+    ends = ("best", np.argmin, style.BEST_COLOR), ("worst", np.argmax, style.WORST_COLOR)
+    for word, choose, ink in ends[: len(error)]:
+        one = known.isel(setting=int(choose(error)))
+        label = f"{one['label'].item()} ({word})"
+        axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, color=ink, lw=1)
+    axes.legend()
     axes.set(title="(d) error of each marker", xlabel="x in mm", ylim=(0, None))
     axes.set_ylabel("% of the largest deflection")
 
@@ -215,13 +213,13 @@ def plain_ticks(axis: Axis) -> None:
 def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     """Draw plans of the best and the worst sets of two, three and four cameras."""
     error, count = predict_errors(part), part["n_cameras"].values
-    shown = [int(n) for n in np.unique(count) if np.isfinite(error[count == n]).any()][:3]
-    panels = place.subplots(2, max(len(shown), 1), squeeze=False)
+    shown = np.unique(count)[:3]
+    panels = place.subplots(2, len(shown), squeeze=False)
     every = 1000 * figures.camera_centres(part.isel(setting=int(np.argmax(count))))[:, :2]
     reach = 1.25 * np.abs(every).max()
     length, width = (1000 * side for side in setups.thesis_beam().extent)
     for column, n in enumerate(shown):
-        own = np.flatnonzero((count == n) & np.isfinite(error))
+        own = np.flatnonzero(count == n)
         order = own[np.argsort(error[own], kind="stable")]
         ends = zip(panels[:, column], order[[0, -1]], ("best", "worst"), strict=True)
         ground: Any = {"color": style.REFERENCE_COLOR, "linewidth": 0}
@@ -247,11 +245,8 @@ def _compare_with_law(axes: Axes, ratio: Axes, part: xr.Dataset) -> None:
     numbers = np.unique(count)
     for n, tone in zip(numbers, style.ordered_colors(len(numbers)), strict=True):
         axes.plot(law[count == n], error[count == n], ".", color=tone, markersize=4, label=f"{n}")
-    both = np.concatenate([law, error])
-    both = both[np.isfinite(both)]
-    if both.size:
-        ends = [both.min(), both.max()]
-        axes.plot(ends, ends, color=style.BLACK_COLOR, linewidth=0.8)
+    ends = [min(law.min(), error.min()), max(law.max(), error.max())]
+    axes.plot(ends, ends, color=style.BLACK_COLOR, linewidth=0.8)
     axes.set(xscale="log", yscale="log", ylabel="error, %")
     axes.set_xlabel("law, % of the largest deflection")
     axes.set_title(f"(b) rms over {cubes.trials_are(part)} against the law")
@@ -259,26 +254,21 @@ def _compare_with_law(axes: Axes, ratio: Axes, part: xr.Dataset) -> None:
     plain_ticks(axes.yaxis)
     axes.legend(ncols=2, fontsize=7, columnspacing=1, handletextpad=0.2)
     both = np.concatenate([error / law, literal / law])
-    both = both[np.isfinite(both)]
-    if both.size:
-        bins = np.linspace(min(both.min(), 0.98), max(both.max(), 1.02), 31).tolist()
-        ratio.hist(literal / law, bins, color=PALE_GREY, label="rendered run")
-        label = f"rms over {cubes.trials_are(part)}"
-        ratio.hist(error / law, bins, histtype="step", color=style.BLUE, label=label)
-        ratio.legend()
+    bins = np.linspace(min(np.nanmin(both), 0.98), max(np.nanmax(both), 1.02), 31).tolist()
+    ratio.hist(literal / law, bins, color=PALE_GREY, label="rendered run")
+    label = f"rms over {cubes.trials_are(part)}"
+    ratio.hist(error / law, bins, histtype="step", color=style.BLUE, label=label)
+    ratio.legend()
     ratio.axvline(1, color=style.BLACK_COLOR, linewidth=0.8)
     ratio.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")
 
 
 def _by_number(axes: Axes, part: xr.Dataset) -> None:
     error, count = predict_errors(part), part["n_cameras"].values
-    known = np.isfinite(error)
-    n = np.unique(count[known])
+    n = np.unique(count)
     axes.set_title("(d) error by the number of cameras")
-    if not len(n):
-        return
     axes.plot(count, error, ".", color=PALE_GREY, markersize=4)
-    groups = [error[known & (count == k)] for k in n]
+    groups = [error[count == k] for k in n]
     curves = ("best", np.min, "v-", 0.6), ("mean", np.mean, "o-", 1.0), ("worst", np.max, "^-", 0.6)
     for name, function, look, alpha in curves:
         how: Any = {**_LINE_STYLE, "color": style.BLUE, "alpha": alpha}
@@ -289,9 +279,6 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
     plain_ticks(axes.yaxis)
     axes.set_xticks(n)
     axes.legend()
-
-
-# What tables need besides the cube.
 
 
 def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
@@ -336,59 +323,54 @@ def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
     """Fit powers of the distance to error, law and scatter."""
     if (part := selection.split_cases(cube).get("distance")) is None:
         return {"powers": None}
-    error = predict_errors(part)
-    known = np.isfinite(error)
-    if np.count_nonzero(known) < 2:
+    part = select_known(part)
+    if part.sizes["setting"] < 2:
         return {"powers": []}
-    x, labels = np.log(part["value"].values[known]), part["label"].values[known]
+    x, labels = np.log(part["value"].values), part["label"].values
     values = {
-        f"error, rms over the {cubes.trials_are(cube)}, %": error,
+        f"error, rms over the {cubes.trials_are(cube)}, %": predict_errors(part),
         "law, one noise for all, %": part["predicted_error"].values,
         "scatter of the centres along u, px": part["centre_scatter"].values[:, 0],
         "scatter of the centres along v, px": part["centre_scatter"].values[:, 1],
     }
-    powers = [
-        (name, own[known], np.polyfit(x, np.log(own[known]), 1)[0]) for name, own in values.items()
-    ]
+    powers = [(name, own, np.polyfit(x, np.log(own), 1)[0]) for name, own in values.items()]
     return {"powers": powers, "first": labels[0], "last": labels[-1]}
 
 
 def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
     """Find the best and worst sets by their number of cameras, and compare with the best pair."""
-    if (part := selection.split_cases(cube).get("subsets")) is None:
+    if (every := selection.split_cases(cube).get("subsets")) is None:
         return {"numbers": None}
+    part = select_known(every)
     count, law = part["n_cameras"].values, part["predicted_error"].values
     error = predict_errors(part)
-    known = np.isfinite(error)
-    best_pair = np.nanmin(error[count == 2], initial=np.inf)
+    best_pair = np.min(error[count == 2], initial=np.inf)
 
     def name_optimum(one: Any) -> tuple[str, float]:
         return part["label"].values[one], error[one]
 
-    def worse_than_pair(chosen: Mask) -> list[dict[str, int]]:
+    def worse_than_pair(chosen: Any = slice(None)) -> list[dict[str, int]]:
         """Count sets that are worse than the best pair, by their number of cameras above two."""
-        sets = [(n, error[chosen & (count == n)]) for n in np.unique(count[chosen]) if n > 2]
+        sets = [(n, error[chosen][count[chosen] == n]) for n in np.unique(count[chosen]) if n > 2]
         return [
             {"worse": int(np.sum(own > best_pair)), "count": len(own), "cameras": n}
             for n, own in sets
         ]
 
     numbers = []
-    for n in np.unique(count[known]):
-        own = np.flatnonzero((count == n) & known)
+    for n in np.unique(count):
+        own = np.flatnonzero(count == n)
         order = own[np.argsort(error[own], kind="stable")]
         ends = name_optimum(order[0]), name_optimum(own[np.argmin(law[own])]), np.median(error[own])
         numbers.append((n, len(own), *ends, name_optimum(order[-1])))
     # Whether all cameras of a set look from one side of the beam's axis
     across = np.cos(np.radians(part["camera_azimuth"].transpose("setting", "camera").values))
-    absent = ~np.isfinite(across)
-    left, right = (np.all(absent | (side * across > 1e-9), axis=1) for side in (1, -1))
-    rendered = part["mean_error"].isel(trial=0).values / law
-    ratio = (error / law)[known]
+    left, right = (~np.any(side * across < 1e-9, axis=1) for side in (1, -1))
+    ratio, rendered = error / law, part["mean_error"].isel(trial=0).values / law
     return {
         "numbers": numbers,
-        "beaten": [sets for sets in worse_than_pair(known) if sets["worse"]],
-        "from_one_side": worse_than_pair((left | right) & known),
+        "beaten": [sets for sets in worse_than_pair() if sets["worse"]],
+        "from_one_side": worse_than_pair(left | right),
         "ratio": ratio,
         "median_ratio": np.median(ratio) if ratio.size else np.nan,
         "rendered": rendered[np.isfinite(rendered)],

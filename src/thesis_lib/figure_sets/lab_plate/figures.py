@@ -122,38 +122,22 @@ def _results(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _plate(cube: xr.Dataset, mode: int) -> dict[str, Any]:
-    """Format errors of deflection, pressure and power of one mode, setting by setting."""
+    """Return errors of deflection, pressure and power of one mode, with the bands of trials."""
     if mode not in cube["mode"]:
         return {"part": None, "mode": mode}
     part, columns = cube.sel(mode=mode), {}
     for name, word in ERROR_NAMES.items():
         values = cubes.cube_errors(part)[name].transpose("setting", "trial").values
+        drawn = values if values.shape[1] == 1 else values[:, 1:]
         if not np.isnan(values[:, 0]).all():
-            columns[word] = [_format_band(own, name == "power_error") for own in values]
-    predicted = cubes.predicted_value(part, "mean_error").values
-    columns["deflection"] = [
-        f"{cell} · {cubes.percent_text(float(law))}"
-        for cell, law in zip(columns["deflection"], predicted, strict=True)
-    ]
+            columns[word] = np.stack([values[:, 0], *np.quantile(drawn, [0.05, 0.95], axis=1)], 1)
     return {
         "part": part,
         "columns": columns,
+        "predicted": cubes.predicted_value(part, "mean_error").values,
         "nodal": part["plane"].values[np.isnan(part["largest_pressure"].values)].tolist(),
         "gaps": [one for one in cubes.iterate_slices(part, "setting") if one["missing"][0] > 0],
     }
-
-
-def _format_band(errors: Array, signed: bool) -> str:
-    """Format the error of the first recording, and the band of the others if there are any."""
-
-    def format_error(value: float) -> str:
-        sign = "+" if signed and value > 0 else ""
-        return f"{sign}{cubes.percent_text(value)}".replace("-", "−")
-
-    if len(errors) < 2:
-        return f"{format_error(errors[0])} "
-    low, high = map(format_error, np.quantile(errors[1:], [0.05, 0.95]))
-    return f"{format_error(errors[0])} ({low}{' to ' if signed else '–'}{high})"
 
 
 def _ratios(cube: xr.Dataset) -> dict[str, Any]:

@@ -1,14 +1,12 @@
 """The driven structures, and what they radiate: in truth, as markers show it, and after a tap.
 
-Rendered are plate, beam and L-shaped plate, driven by a steady tone at one place. All are as thin
-as what such cameras are for: the thesis's plate with another thickness, an L cut from it, and the
-thesis's beam. A structure moves in its first :data:`MOVING_MODES` modes, each as the force drives
-it (thesis, eq. 3.5).
+All structures are as thin as what such cameras are for: the thesis's plate with another thickness,
+an L cut from it, and the thesis's beam. Each is driven by a steady tone at one place, and moves in
+its first :data:`MOVING_MODES` modes, as the force drives them (thesis, eq. 3.5).
 
 The markers of the beam that is tapped are projected, not rendered: the same cameras, at unlike
 frame rates, see them with the scatter that the centres of the recordings have. Its modes are found
-in the tracks, and their sound is computed as that of a measurement. The truth is the sound of the
-true motion at the same moment.
+in the tracks, and their sound is computed as that of a measurement.
 """
 
 from dataclasses import dataclass, replace
@@ -44,6 +42,7 @@ DENSE_GRID = (12, 8)  # the same where a tone between modes moves many of them
 PLATE_MARKER, DENSE_MARKER, BEAM_MARKER = 0.024, 0.018, 0.007  # diameters, m
 ROW_SPACING, BEAM_COLUMNS = 0.014, 13  # of the beam's two rows
 PEAK_PLACES = 41  # places along each side of the box, for the largest deflection
+EDGE_PLACES = 32  # places on a marker's edge
 
 
 @dataclass(frozen=True)
@@ -74,13 +73,19 @@ class Driven:
         q = modal_coordinates(self.structure, np.array(self.omega), MOVING_MODES)
         x, y = (np.linspace(0, side, PEAK_PLACES) for side in self.structure.extent)
         points = np.stack([np.tile(x, PEAK_PLACES), np.repeat(y, PEAK_PLACES)])
-        shapes = self.structure.mode_shapes(range(1, MOVING_MODES + 1), points)
-        return np.asarray(q / np.nanmax(np.abs(q @ shapes)), complex)
+        return np.asarray(q / np.nanmax(np.abs(q @ self.mode_shapes(points))), complex)
 
-    def shape(self, points: Array) -> ComplexArray:
-        """Return complex deflection at points (2, n) for a largest one of 1, against the force."""
-        shapes = self.structure.mode_shapes(range(1, MOVING_MODES + 1), points)
-        return np.asarray(self.coordinates @ shapes, complex)
+    def mode_shapes(self, points: Array) -> Array:
+        """Return the shapes of the modes that move at points (2, n), one a row."""
+        return self.structure.mode_shapes(range(1, MOVING_MODES + 1), points)
+
+    def show_markers(self, peak: float) -> ComplexArray:
+        """Return what the markers' edges show of a motion of at most `peak` in m, (markers,)."""
+        turn = 2 * np.pi * (np.arange(EDGE_PLACES) + 0.5) / EDGE_PLACES
+        ring = self.markers.diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])
+        edges = (self.markers.centres[:, :, None] + ring[:, None]).reshape(2, -1)
+        shape = np.asarray(self.coordinates @ self.mode_shapes(edges), complex)
+        return peak * shape.reshape(-1, EDGE_PLACES).mean(axis=1)
 
     def components(self, peak: float) -> tuple[Component, ...]:
         """Return the modes as parts of a motion whose largest deflection is `peak` in m."""
@@ -88,8 +93,8 @@ class Driven:
         for n, q in enumerate(self.coordinates, 1):
             up = (-1) ** (n + 1) if isinstance(self.structure, Beam) else 1  # as a part has it
             size = peak * q * up * self.structure.shape_peak(n)
-            at = float(abs(size)), float(np.angle(size))
-            parts.append(Component("bending", n, self.frequency, *at))
+            polar = float(abs(size)), float(np.angle(size))
+            parts.append(Component("bending", n, self.frequency, *polar))
         return tuple(parts)
 
 
@@ -126,9 +131,7 @@ def drive_structure(case: str) -> Driven:
     return Driven(many, dense, between, "plate, between two modes")
 
 
-def _drive_at_mode(
-    structure: Beam | Plate | Panel, markers: Markers, mode: int, name: str
-) -> Driven:
+def _drive_at_mode(structure: Any, markers: Markers, mode: int, name: str) -> Driven:
     """Drive a structure at the resonance of a mode."""
     return Driven(structure, markers, resonance_frequency(structure, mode) / (2 * np.pi), name)
 
@@ -145,8 +148,8 @@ def rig_of(study: LabRadiation, case: str, replicate: int) -> Rig:
     return settle_rig(rig, draw.random(len(study.azimuths_deg)).tolist(), study.frames)
 
 
-TRUE_NODES = 3600  # of the true surface
-EDGE_PLACES = 32  # places on a marker's edge
+# Of the true surface: more than twice those of a measurement, with a fifth of their sum's error
+TRUE_NODES = 3600
 PRESSURE_PLANE = planes.Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
 
 
@@ -156,51 +159,38 @@ def true_sound(
     """Compute the sound of the true motion with a largest deflection `peak` in m, finely.
 
     It is the power in W, the efficiency, and the pressure on :data:`PRESSURE_PLANE` in Pa.
-    Its nodes are more than twice as many as those of a measurement, which leaves a fifth of the
-    error of their sum.
     """
-    surface, omega = _surface(own, TRUE_NODES), own.omega
-    shapes = own.structure.mode_shapes(range(1, MOVING_MODES + 1), surface.places)
-    moving, q = shapes.T, peak * own.coordinates
-    power = _of(surface.power_form(moving, omega, medium), q)
-    plain = _of(surface.plane_wave_form(moving, omega, medium), q)
-    matrix = surface.pressure_matrix(moving, PRESSURE_PLANE.points.reshape(3, -1), omega, medium)
-    return power, power / plain, matrix @ q
+    surface, q = _surface(own, TRUE_NODES), peak * own.coordinates
+    of: Any = own.mode_shapes(surface.places).T, own.omega, medium
+    power, plain = (
+        float(np.real(np.conj(q) @ form @ q))
+        for form in (surface.power_form(*of), surface.plane_wave_form(*of))
+    )
+    return power, power / plain, _pressure_matrix(surface, *of) @ q
 
 
-@dataclass(frozen=True)
+def _pressure_matrix(surface: Surface, moving: Array, *of: Any) -> ComplexArray:
+    """Return the pressure on :data:`PRESSURE_PLANE` by what moves the nodes."""
+    return surface.pressure_matrix(moving, PRESSURE_PLANE.points.reshape(3, -1), *of)
+
+
 class MarkerSound:
     """What the markers of a structure tell of its sound."""
 
-    own: Driven
-    medium: radiation.Medium
-
-    @cached_property
-    def between(self) -> radiated.Between:
-        """Return the surface's motion between markers: by the first modes of its model."""
-        markers, places = self.own.markers, self._surface.places
-        return radiated.by_model(self.own.structure, markers.centres, markers.diameter / 2, places)
-
-    @cached_property
-    def _surface(self) -> Surface:
-        extent = self.own.structure.extent
-        return _surface(self.own, radiated.count_nodes(extent, self.own.omega, self.medium))
-
-    @cached_property
-    def power_form(self) -> Array:
-        """Form of the power, shape (markers, markers)."""
-        return self._surface.power_form(self.between.moving, self.own.omega, self.medium)
-
-    @cached_property
-    def plain_form(self) -> Array:
-        """Form of the power of a plane wave of the same motion."""
-        return self._surface.plane_wave_form(self.between.moving, self.own.omega, self.medium)
+    def __init__(self, own: Driven, medium: radiation.Medium) -> None:
+        markers, nodes = own.markers, radiated.count_nodes(own.structure.extent, own.omega, medium)
+        self._surface = surface = _surface(own, nodes)
+        radius, places = markers.diameter / 2, surface.places
+        #: The surface's motion between markers: by the first modes of its model
+        self.between = radiated.by_model(own.structure, markers.centres, radius, places)
+        self._of: Any = self.between.moving, own.omega, medium
+        self._power_form = surface.power_form(*self._of)
+        self._plain_form = surface.plane_wave_form(*self._of)
 
     @cached_property
     def matrix(self) -> ComplexArray:
         """Return the pressure on :data:`PRESSURE_PLANE`, shape (places, markers)."""
-        points, omega = PRESSURE_PLANE.points.reshape(3, -1), self.own.omega
-        return self._surface.pressure_matrix(self.between.moving, points, omega, self.medium)
+        return _pressure_matrix(self._surface, *self._of)
 
     @cached_property
     def _squares(self) -> Array:
@@ -210,33 +200,22 @@ class MarkerSound:
 
     def power(self, shape: estimates.Amplitudes) -> estimates.Estimate:
         """Return sound power in W."""
-        power = estimates.estimate_quadratic_form(self.power_form, shape)
+        power = estimates.estimate_quadratic_form(self._power_form, shape)
         return estimates.widen_error(power, self._surface.sum_std)
 
     def efficiency(self, shape: estimates.Amplitudes) -> estimates.Estimate:
         """Return radiation efficiency."""
-        ratio = estimates.estimate_ratio(self.power_form, self.plain_form, shape)
+        ratio = estimates.estimate_ratio(self._power_form, self._plain_form, shape)
         return estimates.widen_error(ratio, self._surface.sum_std)
 
     def field_error(self, shape: estimates.Amplitudes) -> float:
         """Return stated rms error of the pressure over the plane, in Pa."""
         return float(np.sqrt(np.sum(self._squares * shape.covariance)))
 
-    def without_noise(self, peak: float) -> ComplexArray:
-        """Return what the markers' edges show of the true motion, shape (markers,)."""
-        turn = 2 * np.pi * (np.arange(EDGE_PLACES) + 0.5) / EDGE_PLACES
-        ring = self.own.markers.diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])
-        edges = (self.own.markers.centres[:, :, None] + ring[:, None]).reshape(2, -1)
-        return peak * self.own.shape(edges).reshape(-1, EDGE_PLACES).mean(axis=1)
-
 
 def _surface(own: Driven, nodes: int) -> Surface:
     x, y = own.structure.extent
     return Surface.from_outline(np.array(own.corners), nodes, (x / 2, y / 2))
-
-
-def _of(form: Array, amplitudes: ComplexArray) -> float:
-    return float(np.real(np.conj(amplitudes) @ form @ amplitudes))
 
 
 TAP_DAMPING = (0.010, 0.006, 0.004)  # of the modes that ring
@@ -258,17 +237,18 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     assert isinstance(rig.motion, tracking.ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
     times = np.arange(0, HEARD_SECONDS, HEARD_STEP / of_measurement.SOUND_RATE_HZ)
+    sizes = {"ringing": len(hertz), "tap_time": len(times)}
+    values: dict[str, Any] = {
+        name: np.full([sizes[dim] for dim in one.dims], np.nan)
+        for name, one in TAP_VARIABLES.items()
+    }
+    values |= {"tap_frequency": hertz, "tap_time": times}
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
         decay = tracking.select_free_decay(rig, _project_tracks(rig, scatter))
         found, _ = identify_modes(*decay, asked)
     except (ChainError, ModalError):
-        sizes = {"ringing": len(hertz), "tap_time": len(times)}
-        none = {
-            name: np.full([sizes[dim] for dim in one.dims], np.nan)
-            for name, one in TAP_VARIABLES.items()
-        }
-        return none | {"tap_frequency": hertz, "tap_time": times}
+        return values
     own = drive_structure("beam")
     surface = _surface(own, radiated.SURFACE_NODES)
     markers = rig.markers.centres  # seen as points, not by their edges
@@ -292,13 +272,13 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     whole = made.sel(band=radiated.ALL_TONES)
     of_modes = ("frequency", "power", "power_error", "energy", "energy_error")
     return {
+        **values,
         **{f"tap_{name}": made[name].values for name in of_modes},
         "tap_true_power": power,
         "tap_true_energy": power / (-2 * rig.motion.poles.real),
         "tap_all": whole["band_power"].values,
         "tap_all_error": whole["band_power_error"].values,
         "tap_pressure": np.array(each, "float32")[:, : len(times)],
-        "tap_time": times,
     }
 
 
