@@ -15,7 +15,7 @@ from thesis_lib.book.pieces import (
     thesis_index,
     write as pieces_write,
 )
-from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, Opened
+from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, Opened, of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.ledger import verdicts
@@ -64,9 +64,8 @@ def test_agreement_counts_the_checks(opened, text):
     (met, total) = map(int, re.search(r"\*\*(\d+) of (\d+)\*\*", text("beam-results")).groups())
     checks = [
         check
-        for name, cube in opened.items()
-        if name.startswith("beam")
-        for check in verdicts.check_claims(cube, claims.claims_of(name))
+        for cube in of_subject(opened, "beam")
+        for check in verdicts.check_claims(cube, claims.claims_of(cube.attrs["figure_set"]))
         if check.claim.quantity == "mean_error"
     ]
     assert (met, total) == (sum(check.inside for check in checks), len(checks))
