@@ -64,7 +64,7 @@ def test_a_value_next_to_a_bound_is_not_moved(name, key, value):
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("focal_length_mm", -1.0, "allowed: a number above 0"),
+        ("focal_length_mm", "-1.0", "allowed: a number above 0"),
         ("distances_mm", "[100]", "the reach of the structure"),
         ("modes", "<b>", "whole numbers from 1 to 30"),
     ],

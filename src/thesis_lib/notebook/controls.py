@@ -23,7 +23,6 @@ from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import cubes, effort, request as requests
 
 WIDE_LAYOUT = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
-MAX_EXACT_INTEGER = 2**53  # largest whole number that a browser keeps
 MAX_SLIDER_RANGE = 720  # widest range that a slider can set
 
 
@@ -39,22 +38,13 @@ class LiveView:
 
 
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
-    """Return controls of a figure set for the end of its notebook.
+    """Return controls of a figure set for the end of its notebook, whose ``globals()`` are given.
 
-    Parameters
-    ----------
-    name : str
-        Name of the figure set.
-    namespace : mapping
-        The notebook's ``globals()``: its parameters are what the controls begin with, and a new
-        cube becomes its ``result``, so that any cell can be run again to show it.
-
-    Returns
-    -------
-    LiveView or None
-        None if the notebook writes its cube to a file, for then nobody is looking.
+    They begin with the notebook's parameters, and a new cube becomes its ``result``, so that any
+    cell can be run again to show it. There are none if the notebook writes its cube to a file, for
+    then nobody is looking.
     """
-    if namespace.get("cube"):  # written to a file: nobody is looking
+    if namespace.get("cube"):
         return None
     given = {key: namespace[key] for key in STUDIES[name].model_fields if key in namespace}
     request = validate_request(name, given)
@@ -64,12 +54,7 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
 class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no annotations
     """Controls of a figure set, which begin with the values of a request, and its results below.
 
-    Parameters
-    ----------
-    request : Study
-        A validated request.
-    keep : callable
-        Is given each new cube.
+    `keep` is given each new cube.
     """
 
     def __init__(
@@ -155,19 +140,14 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
 
 def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
     """Return the widget for a JSON schema: choices, a slider between bounds, else text."""
-    kind = schema.get("type")
     low = schema.get("minimum", schema.get("exclusiveMinimum"))
     high = schema.get("maximum", schema.get("exclusiveMaximum"))
     if "enum" in schema:
         return ipywidgets.Dropdown(options=schema["enum"], value=value)
-    if kind == "array" and "enum" in schema.get("items", {}):
-        options = schema["items"]["enum"]
+    if options := schema.get("items", {}).get("enum"):
         return ipywidgets.SelectMultiple(options=options, value=tuple(value), rows=len(options))
-    if kind == "boolean":
-        return ipywidgets.Checkbox(value=value, indent=False)
-    if kind == "integer" and (high is None or high < MAX_EXACT_INTEGER):
-        return ipywidgets.IntText(value=value)
-    if kind == "number" and low is not None and high is not None and high - low <= MAX_SLIDER_RANGE:
+    bounded = schema.get("type") == "number" and None not in (low, high)
+    if bounded and high - low <= MAX_SLIDER_RANGE:
         step = 1.0 if high - low > 100 else 0.5 if high - low > 10 else 0.01
         return ipywidgets.FloatSlider(
             value=value,
@@ -177,8 +157,6 @@ def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidge
             min=min(low + step * ("exclusiveMinimum" in schema), value),  # else it is moved there
             max=max(high - step * ("exclusiveMaximum" in schema), value),
         )
-    if kind == "number":
-        return ipywidgets.FloatText(value=value)
     if not isinstance(value, str):
         value = json.dumps(requests.whole_numbers(value), ensure_ascii=False)
     return ipywidgets.Text(value=value, continuous_update=False)
