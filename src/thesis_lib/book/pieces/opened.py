@@ -55,8 +55,6 @@ def build_failure_page(source: Path, name: str, reason: str) -> Any:
             place = figure_cell(f"{cell.id}-{number}", mystnb=words)
             place.outputs = [nbformat.v4.new_output("display_data", {"image/svg+xml": image})]
             cells.append(place)
-    if not cells or not cells[0].source.startswith("# "):
-        cells.insert(0, nbformat.v4.new_markdown_cell(f"# {name}", id=f"{name}-title"))
     cells.insert(1, nbformat.v4.new_markdown_cell(warning, id=f"{name}-missing"))
     return nbformat.v4.new_notebook(cells=cells, metadata=given.metadata)
 
