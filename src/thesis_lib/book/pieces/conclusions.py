@@ -79,12 +79,12 @@ def count_trends(opened: Cubes) -> str:
     """Count the trends that the thesis states of each factor, by the verdict of the ledger."""
     entries = _list_trends(opened)
     parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
-    parts: dict[str, list[ledger.Entry]] = {one.conclusion: [] for one in factors.FACTORS.values()}
-    parts["anything else"] = []
-    for entry in entries:
-        of = parameter.get(entry.id, "")
-        named = (one.conclusion for one in factors.FACTORS.values() if of.startswith(one.parameter))
-        parts[next(named, "anything else")].append(entry)
+    parts: dict[str, list[ledger.Entry]] = {}
+    left = entries
+    for one in factors.FACTORS.values():
+        parts[one.conclusion] = [e for e in left if parameter[e.id].startswith(one.parameter)]
+        left = [entry for entry in left if entry not in parts[one.conclusion]]
+    parts["anything else"] = left
     wider = factors.FACTORS["wider"].conclusion
     return render(
         __file__,
@@ -149,12 +149,12 @@ def tabulate_sound_errors(opened: Cubes) -> str:
 def tabulate_experiment(opened: Cubes) -> str:
     """Tabulate what the thesis's experiment confirms, by the method of finding centres."""
     rows = []
-    for name, factor in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
-        cube = opened[name]
+    for name, key in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
+        cube, factor = opened[name], factors.FACTORS[key]
         for case in selection.list_cases(cube):
             if case.endswith("-all"):  # sets of cameras that do not grow
                 continue
-            alone = replace(factors.FACTORS[factor], sources=((case, name, (case,)),))
+            alone = replace(factor, sources=((case, name, (case,)),))
             (effect,) = factors.estimate_effects(opened, alone)
             part = selection.select_settings(cube, case, 1)
             labels = part["label"].values
@@ -167,16 +167,9 @@ def tabulate_experiment(opened: Cubes) -> str:
                 "the opposite": effect.opposite,
                 verdicts.UNCHANGED: effect.unchanged,
             }
-            row = {
-                "conclusion": factors.FACTORS[factor].conclusion,
-                "case": case,
-                "labels": labels,
-                "medians": part["mean_error"].isel(trial=slice(1, None)).median("trial").values,
-                "effect": effect,
-                "claimed": claimed if len(claimed) == 2 else [],
-                "holds": next((word for word, n in against.items() if n), "not told apart"),
-            }
-            rows.append(row)
+            medians = part["mean_error"].isel(trial=slice(1, None)).median("trial").values
+            holds = next((word for word, n in against.items() if n), "not told apart")
+            rows.append((factor.conclusion, effect, labels, medians, claimed, holds))
     return render(__file__, "conclusions-experiment", rows=rows)
 
 

@@ -46,14 +46,12 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
     scatters = []  # of centres, that would give what the thesis states of a first setting
     for cube in chapter if subject == "experiment" else ():
         if claim := selection.claimed_errors(cube, "matched", 1)[0]:
-            by = {
-                method: selection.select_settings(cube, method, 1).isel(setting=0)
+            matched, fitted = (
+                selection.select_settings(cube, method, 1).isel(setting=0)
                 for method in ("matched", "literal")
-            }
-            scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
-            wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
-            label = by["literal"]["label"].item()
-            scatters.append(scatter | {"wanted": wanted, "stated": claim.stated, "label": label})
+            )
+            wanted = fitted["centre_scatter"] * claim.high / fitted["predicted_error"]
+            scatters.append((claim, matched, fitted, wanted))
     return render(
         __file__,
         "chapter",
@@ -86,10 +84,9 @@ def _compare_extremes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
                 if not np.isnan(bars.literal).all():
                     title = f"mode {mode}" + (f", {bars.name}" if bars.name else "")
                     cells[title] = bars.band[1][[0, -1]]
-            first, last = (str(labels[i]).removesuffix(" cameras") for i in (0, -1))
+            ends = [str(labels[i]).removesuffix(" cameras") for i in (0, -1)]
             varied = STUDIES[cube.attrs["figure_set"]].varied_label
-            row = {"case": case, "varied": varied, "first": first, "last": last, "cells": cells}
-            rows.append(row)
+            rows.append({"case": case, "varied": varied, "ends": ends, "cells": cells})
     rows.sort(key=lambda row: row["case"] if row["case"][0].isdigit() else "")  # others stay
     return rows
 
@@ -226,13 +223,15 @@ def describe_sound(opened: Cubes) -> str:
     """Describe shape against sound, and the effect of turning two cameras."""
     arrays, aperture = opened["sound-arrays"], opened["sound-aperture"]
     turned = aperture["turned_coherence"]
-    values = {
-        "shape": _trial_median(arrays["deflection_error"]),
-        "field": _trial_median(arrays["plane_error"]),
-        "square": float(turned.sel(turn=0).median()),
-        "askew": float(turned.sel(turn=list(BEST_DEG)).median()),
-    }
-    return render(__file__, "sound-result", advice=turn_advice(aperture), **values)
+    return render(
+        __file__,
+        "sound-result",
+        shape=_trial_median(arrays["deflection_error"]),
+        field=_trial_median(arrays["plane_error"]),
+        square=float(turned.sel(turn=0).median()),
+        askew=float(turned.sel(turn=list(BEST_DEG)).median()),
+        advice=turn_advice(aperture),
+    )
 
 
 def describe_shapes(opened: Cubes) -> str:
