@@ -259,14 +259,8 @@ def name_place(place: Path) -> Iterator[None]:
 def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = ()) -> None:
     """Refuse, before anything is computed, to replace files of the user's.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the command writes.
-    files : iterable of Path
-        What it will write there, or what matches it.
-    inputs : iterable of Path
-        Files and folders that it reads, which it never replaces, no matter who wrote them.
+    The command will write `files` into `folder`. It reads the files and folders `inputs`, which it
+    never replaces, no matter who wrote them.
 
     Raises
     ------

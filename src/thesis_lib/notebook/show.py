@@ -150,16 +150,12 @@ def _show_figure(
 def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
     """Return what a form of some figure sets shows and checks, as JSON values.
 
-    Returns
-    -------
-    dict
-        ``fields``, a list of parameters that differ in anything: name, meaning, unit, what is
-        allowed in words and as JSON schema, how a refusal ends, the default as it would be typed,
-        and the choices of a list of names. ``sets`` and ``chapters``, by name: title, and numbers
-        of fields in the order to show, and a sentence on what the published run takes; a set also
-        numbers in the order in which they are checked, a chapter its sets and the names of the
-        parameters in which they differ. ``here``, what the page computes by itself, as
-        :func:`thesis_lib.figure_sets.parametric.in_page.page_facts` has it.
+    ``fields`` lists parameters that differ in anything: name, meaning, unit, what is allowed in
+    words and as JSON schema, how a refusal ends, and the default as it would be typed. ``sets`` and
+    ``chapters`` have by name a title, numbers of fields in the order to show, and a sentence on
+    what the published run takes; a set also numbers in the order in which they are checked, a
+    chapter its sets and the names of the parameters in which they differ. ``here`` is what the page
+    computes by itself, :func:`thesis_lib.figure_sets.parametric.in_page.page_facts`.
     """
     fields: list[dict[str, Any]] = []
     sets: dict[str, dict[str, Any]] = {}

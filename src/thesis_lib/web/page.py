@@ -47,20 +47,11 @@ def export_notebook(notebook: Path, title: str) -> str:
     ``remove-cell``, and ``mystnb`` metadata: ``figure.name``, ``figure.caption`` and ``image.alt``.
     The page holds MathJax if the notebook has equations and the assets are installed in
     ``build/assets`` of the project; otherwise equations stay as TeX.
-
-    Raises
-    ------
-    BookError
-        If the notebook cannot be read.
     """
     from nbconvert import HTMLExporter  # takes a second to import
     from traitlets.config import Config
 
-    try:
-        executed = nbformat.read(notebook, as_version=4)
-    except (OSError, ValueError, AttributeError) as error:
-        reason = str(error).splitlines() or [type(error).__name__]
-        raise BookError(f"cannot read the notebook {notebook}: {reason[0]}") from error
+    executed = nbformat.read(notebook, as_version=4)
     exporter = HTMLExporter(
         template_name="notebook",
         extra_template_basedirs=[str(_TEMPLATE_FOLDER)],
