@@ -7,17 +7,9 @@ import cpus
 import pytest
 
 from thesis_lib import files
-from thesis_lib.book import find_figure_names
-from thesis_lib.book.pieces import (
-    benchmarks,
-    findings,
-    manifest as reference,
-    thesis_index,
-    write as pieces_write,
-)
-from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, Opened, of_subject
+from thesis_lib.book.pieces import benchmarks, findings, write as pieces_write
+from thesis_lib.book.pieces.opened import Opened, of_subject
 from thesis_lib.facts import claims
-from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.ledger import verdicts
 
 
@@ -30,18 +22,6 @@ def opened():
 def text(opened):
     """Text of a piece by its name, as the book has it."""
     return cache(lambda name: pieces_write.PIECES[name](opened))
-
-
-def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
-    book = files.project_root() / "book"
-    pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
-    included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
-    included -= {*find_figure_names(book.glob("*.md"))}  # of notebooks
-    included -= {f"provenance-{name}" for name in SETS_IN_CHAPTERS}
-    pieces = (pieces_write, benchmarks, reference, thesis_index)
-    made = {piece for module in pieces for piece in module.PIECES}
-    made |= {*benchmarks.CONFORMANCE_PIECES}
-    assert included == {*walk.TEXT_VALUES} | made
 
 
 NO_ROWS = {*findings.RESULT_PIECES, "lab-radiation-sentences", "beam-cameras"}  # sentences, but

