@@ -1,4 +1,4 @@
-"""Finishing of the rendered pages: names for screen readers, images, shared viewers, search index.
+"""Finishing of the rendered pages: names for screen readers, images, search index.
 
 Cells of five numbers are drawn as intervals, and drawings get colours for the dark. Sphinx, its
 theme and its extensions wrote the pages; here a parser reads each of them once.
@@ -8,7 +8,6 @@ equations, names of the library, terms, warnings, sources and claims. All of the
 script, since a page opened from a folder may fetch no other page.
 """
 
-import hashlib
 import json
 import math
 import re
@@ -27,13 +26,6 @@ from PIL import Image, ImageColor
 from thesis_lib.facts.claims import read_index
 from thesis_lib.web.html import render_html
 
-VIEWERS_FOLDER = "_viewers"
-_STATE_MARK = "\nconst state = "  # the data of a viewer; its program stands before them
-_MODEL_MARK = "\nfunction createModel("  # stands after them
-_FRONTS_MARK = "window.thesisFronts"
-_WITHOUT_BOOK = (
-    "this.insertAdjacentText('beforebegin', 'The viewer that stands here needs the whole book.')"
-)
 _UNUSED_SCRIPTS = ("searchtools.js", "language_data.js", "searchindex.js", "fontawesome.js")
 _KEPT_KINDS = ("text/plain", "text/markdown")  # of outputs, in the notebooks that are offered
 
@@ -57,7 +49,6 @@ def finish_pages(book: Path) -> None:
         fold_contents(page)
         draw_intervals(page)
         load_lazily(page, path.parent)
-        share_viewers(page, book, "../" * name.count("/"))
         text = html.tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")
         path.write_text(text, encoding="utf-8")
     write_index(book, entries)
@@ -127,36 +118,6 @@ def load_lazily(page: html.HtmlElement, folder: Path) -> None:
         if image.get("width"):
             known = {name: known[name] for name in known if name == "data-panels"}
         image.attrib.update({"loading": "lazy", **known})
-
-
-def share_viewers(page: html.HtmlElement, book: Path, root: str) -> None:
-    """Move the programs and styles of viewers to files that pages share; the data stay in the page.
-
-    A page opened from a folder may load no module, but a script, whose function returns the front
-    end; both run when the page is read, in their order.
-    """
-    folder = book / VIEWERS_FOLDER
-    for script in page.xpath("//script[@type='module']"):
-        head, found, model = (script.text or "").rpartition(_MODEL_MARK)
-        program, _, state = head.rpartition(_STATE_MARK)
-        style = script.getprevious()
-        if not found or style is None or style.tag != "style":
-            continue
-        program, css = program.strip(), style.text or ""
-        name, css_name = (hashlib.sha256(text.encode()).hexdigest()[:16] for text in (program, css))
-        front = f"({_FRONTS_MARK} ??= {{}})['{name}'] = () => {{\n{program}\nreturn widget;\n}};\n"
-        folder.mkdir(exist_ok=True)
-        (folder / f"{name}.js").write_text(front, encoding="utf-8")
-        (folder / f"{css_name}.css").write_text(css, encoding="utf-8")
-        address = f"{root}{VIEWERS_FOLDER}"
-        script.addprevious(builder.LINK(rel="stylesheet", href=f"{address}/{css_name}.css"))
-        script.addprevious(
-            builder.SCRIPT({"defer": "", "onerror": _WITHOUT_BOOK}, src=f"{address}/{name}.js")
-        )
-        script.text = (
-            f"\nconst widget = {_FRONTS_MARK}['{name}']();{_STATE_MARK}{state}{_MODEL_MARK}{model}"
-        )
-        style.drop_tree()
 
 
 MAX_LINEAR_DECADES = 1.7  # a scale that spans more is logarithmic
