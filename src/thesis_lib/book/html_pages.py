@@ -12,7 +12,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -278,18 +278,16 @@ class SearchEntry:
     title: str = ""
     text: str = ""
     picture: str = ""  #: Of a figure, relative to the page
-    words: list[str] = field(default_factory=list, repr=False)
-    title_words: list[str] = field(default_factory=list, repr=False)
 
 
 def index_page(page: Any) -> list[SearchEntry]:
     """Return the entries of a parsed page in their order; the first one is the page itself."""
     found: list[SearchEntry] = []
     for article in page.xpath("//article[contains(@class, 'bd-article')]"):
-        _read_element(article, None, found, title=False)
+        _read_element(article, None, found, in_title=False)
     for entry in found:
         length = MAX_NAME_TEXT_LENGTH if entry.kind == "name" else MAX_TEXT_LENGTH
-        entry.text = _join_words(entry.words)[:length]
+        entry.text = " ".join(entry.text.split())[:length]
         entry.title = _name_entry(entry)
     if found and (tab := page.findtext(".//title")):
         found[0].title = " ".join(tab.partition(" \N{EM DASH} ")[0].split())  # unique in the book
@@ -297,60 +295,57 @@ def index_page(page: Any) -> list[SearchEntry]:
 
 
 def _read_element(
-    parent: Any, current: SearchEntry | None, found: list[SearchEntry], title: bool
+    parent: Any, current: SearchEntry | None, found: list[SearchEntry], in_title: bool
 ) -> None:
     """Add the text below an element to the innermost entry that it belongs to."""
     for child in parent:
-        if not isinstance(child.tag, str):  # a comment
-            _add_words(current, child.tail, title)
-            continue
-        owner, kind, anchor = current, _find_kind(child), child.get("id", "")
-        code = child.find("span[@id]/code") if child.tag == "dt" and not kind else None
-        if code is not None:  # a warning, which is searched for by its name
-            kind, anchor = "term", code.getparent().get("id")
-        if kind:
-            owner = SearchEntry(kind, [anchor])
-            if code is not None:
-                owner.title_words.append(code.text_content())
-            found.append(owner)
-            if kind in ("term", "name"):  # what explains it follows in the list
-                current = owner
-        elif owner and child.tag == "span" and anchor and anchor not in owner.places:
-            owner.places.append(anchor)
-        elif owner and child.tag == "img" and owner.kind == "figure":
-            owner.picture = child.get("src", "")
-        classes = {*child.get("class", "").split()}
-        if child.tag not in _NO_TEXT and classes.isdisjoint(_NO_TEXT_CLASSES):
-            in_title = title or child.tag in _HEADING_TAGS or not classes.isdisjoint(_TITLE_CLASSES)
-            in_title |= kind == "term" and code is None
-            _add_words(owner, child.text, in_title)
-            _read_element(child, owner, found, in_title)
-        if child.tag in _BLOCK_TAGS:
-            _add_words(owner, " ", title=False)
-        _add_words(current, child.tail, title)
+        if isinstance(child.tag, str):  # no comment
+            new, anchor = _begin_entry(child), child.get("id", "")
+            owner = new or current
+            if new:
+                found.append(new)
+                if new.kind in ("term", "name"):  # what explains it follows in the list
+                    current = new
+            elif owner and child.tag == "span" and anchor and anchor not in owner.places:
+                owner.places.append(anchor)
+            elif owner and child.tag == "img" and owner.kind == "figure":
+                owner.picture = child.get("src", "")
+            classes = {*child.get("class", "").split()}
+            if child.tag not in _NO_TEXT and classes.isdisjoint(_NO_TEXT_CLASSES):
+                title = in_title or child.tag in _HEADING_TAGS
+                title |= not classes.isdisjoint(_TITLE_CLASSES)
+                title |= new is not None and new.kind == "term" and not new.title
+                _add_words(owner, child.text, title)
+                _read_element(child, owner, found, title)
+            if child.tag in _BLOCK_TAGS:
+                _add_words(owner, " ", title=False)
+        _add_words(current, child.tail, in_title)
 
 
-def _find_kind(element: Any) -> str:
-    """Return the kind of entry that an element begins, or an empty text."""
+def _begin_entry(element: Any) -> SearchEntry | None:
+    """Return the entry that an element begins, if it does."""
     anchor, classes = element.get("id", ""), element.get("class", "").split()
-    if element.tag in ("section", "figure") and anchor:
-        return str(element.tag)
-    if anchor.startswith("equation-"):
-        return "equation"
-    if "citation" in classes:
-        return "source"
-    if element.tag == "dt" and anchor.startswith("term-"):
-        return "term"
-    return "name" if "sig-object" in classes and anchor else ""
+    kinds = {
+        str(element.tag): element.tag in ("section", "figure") and anchor,
+        "equation": anchor.startswith("equation-"),
+        "source": "citation" in classes,
+        "term": element.tag == "dt" and anchor.startswith("term-"),
+        "name": "sig-object" in classes and anchor,
+    }
+    if kind := next((kind for kind, begins in kinds.items() if begins), ""):
+        return SearchEntry(kind, [anchor])
+    code = element.find("span[@id]/code") if element.tag == "dt" else None
+    if code is None:
+        return None
+    # A warning, which is searched for by its name
+    return SearchEntry("term", [code.getparent().get("id")], code.text_content())
 
 
 def _add_words(entry: SearchEntry | None, text: str | None, title: bool) -> None:
-    if entry and text:
-        (entry.title_words if title else entry.words).append(text)
-
-
-def _join_words(words: list[str]) -> str:
-    return " ".join("".join(words).split())
+    if entry and text and title:
+        entry.title += text
+    elif entry and text:
+        entry.text += text
 
 
 def _name_entry(entry: SearchEntry) -> str:
@@ -360,7 +355,7 @@ def _name_entry(entry: SearchEntry) -> str:
     if entry.kind == "figure":
         sentence = entry.text.partition(". ")[0].rstrip(".")
         return sentence.removesuffix(" of the thesis") if sentence[:6] == "Figure" else sentence
-    title = _join_words(entry.title_words)
+    title = " ".join(entry.title.split())
     return f"Equation {title}" if entry.kind == "equation" else title
 
 
