@@ -1,11 +1,11 @@
-"""The figures of chapters are drawn from their cubes, and show every camera."""
+"""The figures of chapters are drawn from their cubes, with the law between."""
 
 import numpy as np
 import pytest
 
 from thesis_lib.book.pieces import illustrations
 from thesis_lib.figure_sets.cube_file import cube_of
-from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.plotting.style import in_style
 
 
@@ -26,21 +26,3 @@ def test_curves_are_the_rms_of_the_trials_and_the_law(of):
     else:
         assert len(law.get_xdata()) >= 50
         assert at == pytest.approx(part["predicted_error"].values, rel=0.02)
-
-
-def test_every_case_of_the_beam_is_drawn_with_all_its_cameras():
-    studies = [one() for one in CAMERA_STUDIES.values() if one.subject == "beam"]
-    places = {}
-    for study in studies:
-        for setting in study.settings():
-            at = {(*direction, setting.distance_mm) for direction in setting.directions_deg}
-            places.setdefault(setting.case, set()).update(at)
-    with in_style():
-        figure = illustrations.draw_cases()
-    drawn = {axes.get_title("left").partition(":")[0]: axes for axes in figure.axes}
-    assert set(drawn) == set(places)
-    for case, axes in drawn.items():
-        dots = [line for line in axes.lines if line.get_marker() == "o"]
-        assert len(dots) == len(places[case]), case
-        for dot in dots:
-            assert float(dot.get_xdata()[0]) ** 2 + float(dot.get_ydata()[0]) ** 2 <= 1 + 1e-9
