@@ -8,7 +8,6 @@ import pytest
 from browser import focused, open_offline, tab_through, write_page
 
 from thesis_lib.book.explorer import explorer_data, explorer_html
-from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies import cubes
@@ -16,8 +15,6 @@ from thesis_lib.vision.pinhole import pixelate, project
 from thesis_lib.web.html import read_asset
 
 DATA = explorer_data()
-SUBJECTS = ("beam", "plate")
-STUDIES_OF = {s: [one() for one in CAMERA_STUDIES.values() if one.subject == s] for s in SUBJECTS}
 TWO = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
 
 

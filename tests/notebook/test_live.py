@@ -66,7 +66,7 @@ def test_controls_begin_with_the_request_and_give_it_back(name, given):
 )
 def test_a_refused_value_says_so_in_one_line_and_runs_nothing(monkeypatch, key, value, words):
     made = live.Controls(validate_request("beam-distance", {}))
-    monkeypatch.setattr(notebook, "study", lambda *_: pytest.fail("it ran"))
+    monkeypatch.setattr(notebook, "cube_of", lambda *_: pytest.fail("it ran"))
     made.inputs[key].value = value
     assert made.button.disabled
     assert made.command.value == ""
@@ -82,7 +82,7 @@ def test_what_fails_is_told(monkeypatch):
     def failing(*_):
         raise RuntimeError("out of film")
 
-    monkeypatch.setattr(notebook, "study", failing)
+    monkeypatch.setattr(notebook, "cube_of", failing)
     made = live.Controls(validate_request("beam-distance", {"trials": 1}))
     made.button.click()
     assert made.output.outputs[-1]["text"] == "RuntimeError: out of film\n"

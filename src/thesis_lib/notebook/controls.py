@@ -61,6 +61,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
         self, request: requests.Study, keep: Callable[[xr.Dataset], object] = lambda _: None
     ) -> None:
         self.name, self.keep = request.name, keep
+        self.request: requests.Study | None = None  # of the values, unless they are refused
         self.inputs: dict[str, ipywidgets.ValueWidget] = {}  # a widget for each parameter
         self.button = ipywidgets.Button(description="Rerun", button_style="primary", icon="play")
         self.message = ipywidgets.HTML()  # why the values cannot be run
@@ -100,10 +101,11 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
 
     def check_values(self, _: object = None) -> None:
         """Show the command of the values, or why they are refused."""
-        words = refusal = ""
+        self.request, words, refusal = None, "", ""
         try:
-            command = requests.study_command(validate_request(self.name, self.values))
-            words = f"The same by command: <code>{html.escape(command)}</code>"
+            self.request = validate_request(self.name, self.values)
+            command = html.escape(requests.study_command(self.request))
+            words = f"The same by command: <code>{command}</code>"
         except requests.ParameterError as error:
             refusal = f'<span role="alert">{html.escape(str(error))}</span>'
         self.button.disabled = bool(refusal)
@@ -111,18 +113,16 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
 
     def run_request(self, _: object = None) -> None:
         """Run the request of the values and show its result: changes, the viewer, the table."""
-        self.check_values()
-        if self.message.value:
+        if self.request is None:
             return
-        request, output = validate_request(self.name, self.values), self.output
-        self.button.disabled = True
+        output, self.button.disabled = self.output, True
         output.outputs = ()
         known = effort.read_efforts().get(self.name)
         takes = f", about {known.time}" if known else ""
         output.append_stdout(f"running {self.name}{takes} …\n")
         start = time.perf_counter()
         try:
-            cube = notebook.study(self.name, request.model_dump(mode="json"))
+            cube = notebook.cube_of(self.request)
             self.keep(cube)
             seconds = time.perf_counter() - start
             output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
