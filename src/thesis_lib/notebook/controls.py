@@ -38,11 +38,20 @@ class LiveView:
 
 
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
-    """Return controls of a figure set for the end of its notebook, whose ``globals()`` are given.
+    """Return controls of a figure set for the end of its notebook.
 
-    They begin with the notebook's parameters, and a new cube becomes its ``result``, so that any
-    cell can be run again to show it. There are none if the notebook writes its cube to a file, for
-    then nobody is looking.
+    Parameters
+    ----------
+    name : str
+        Name of the figure set.
+    namespace : mapping
+        The notebook's ``globals()``: its parameters are what the controls begin with, and a new
+        cube becomes its ``result``, so that any cell can be run again to show it.
+
+    Returns
+    -------
+    LiveView or None
+        None if the notebook writes its cube to a file, for then nobody is looking.
     """
     if namespace.get("cube"):
         return None
@@ -54,7 +63,12 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
 class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no annotations
     """Controls of a figure set, which begin with the values of a request, and its results below.
 
-    `keep` is given each new cube.
+    Parameters
+    ----------
+    request : Study
+        A validated request.
+    keep : callable
+        Is given each new cube.
     """
 
     def __init__(

@@ -70,8 +70,15 @@ NAME_PATTERN = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 def write_set(name: str, title: str = "") -> list[Path]:
     """Begin a figure set, in the book if `name` is a name, elsewhere if it is a path.
 
-    Return what was written: the folder, the notebook, and in the book its table of contents. A name
-    that is none, or is taken, is refused.
+    Returns
+    -------
+    list of Path
+        What was written: the folder, the notebook, and in the book its table of contents.
+
+    Raises
+    ------
+    RefusedError
+        If the name is not one, or is taken.
     """
     place = Path(name)
     inside = place.name == name
