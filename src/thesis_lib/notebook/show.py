@@ -5,11 +5,11 @@ that it knows comes from the models of :mod:`thesis_lib.figure_sets.registry`, s
 refuses and writes what the ``thesis`` command takes. Beam and plate it computes, too.
 """
 
-import ast
 import base64
 import html
 import json
 import os
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -45,13 +45,10 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     registry.is_known(name, here=True)  # which loads it
     model = registry.model_of(name)
     injected = [  # names that papermill's cell has set, in the kernel's history
-        target.id
+        key
         for source in namespace.get("In", [])
         if source.startswith("# Parameters\n")
-        for statement in ast.parse(source).body
-        if isinstance(statement, ast.Assign)
-        for target in statement.targets
-        if isinstance(target, ast.Name)
+        for key in re.findall(r"^(\w+) = ", source, re.MULTILINE)
     ]
     check_names(model, injected)
     values = {key: namespace[key] for key in model.model_fields if key in namespace}

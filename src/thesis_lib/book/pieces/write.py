@@ -49,11 +49,6 @@ def _fill_piece(figure_set: str, text: str, opened: Cubes) -> str:
     return display.fill_text(opened[figure_set], text, *[True] * (text in FIRST_AND_LAST))
 
 
-OWN_PIECES: dict[str, dict[str, Callable[[Cubes], str]]] = {
-    of: {f"{of}-{text}": partial(_fill_piece, of, text) for text in texts}
-    for of, texts in CUBE_TEXTS.items()
-}
-"""By figure set: the pieces that are filled in from its cube alone."""
 OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conclusions-wishes")
 """Those that read the cube of the ledger, which comes after all others."""
 OF_NO_CUBE = ("planner-example", "shapes-convergence", "sound-markers", "beam-model", "plate-model")
@@ -63,7 +58,11 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_figures.PIECES,
     **findings.PIECES,
     **structures.PIECES,
-    **{name: piece for own in OWN_PIECES.values() for name, piece in own.items()},
+    **{
+        f"{of}-{text}": partial(_fill_piece, of, text)
+        for of, texts in CUBE_TEXTS.items()
+        for text in texts
+    },
     "sound-sum": sound.compare_sums,
     **conclusions.PIECES,
 }
