@@ -93,7 +93,7 @@ def test_research_object_reads_back_and_tells_every_run(whole, monkeypatch):
                     assert one["@id"] in described
     monkeypatch.setitem(SETS_IN_CHAPTERS, GOOD, "intro")  # as a set without a page of its own
     ran = whole / "_sources" / "executed" / f"{GOOD}.ipynb", whole / "data" / f"{GOOD}.nc"
-    assert "intro.html" in rendering._describe_run(whole, *ran)["results"]
+    assert rendering._describe_run(whole, *ran)["files"][-1]["place"] == "intro.html"
 
 
 @pytest.mark.book

@@ -26,6 +26,7 @@ from lxml.html import builder
 
 from thesis_lib import __version__, templates
 from thesis_lib.book.html_pages import finish_pages
+from thesis_lib.book.pieces.manifest import SAMPLE_PAGE
 from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, read_once
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import folder_files, sha256, staging, whole_file, whole_text
@@ -36,7 +37,6 @@ from thesis_lib.studies import request, schema, storage
 from thesis_lib.web import page as web_page
 
 ARCHIVE_NAME = "vibration-by-many-cameras"
-SAMPLE_REPORT = "sample-report.html"
 _COMPRESSED_SUFFIXES = {".nc", ".png", ".webp", ".woff2", ".gz"}
 
 
@@ -54,7 +54,7 @@ def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
 
 def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> None:
     """Put cubes, their tables, the sample report and a description into a rendered book."""
-    tables, report = root / "build" / "tables", root / "book" / "executed" / SAMPLE_REPORT
+    tables, report = root / "build" / "tables", root / "book" / "executed" / SAMPLE_PAGE
     (book / DATA_FOLDER).mkdir(exist_ok=True)
     for _, cube in made:
         if (tables / cube.stem).is_dir():  # its figures have tables of their own
@@ -62,13 +62,12 @@ def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> 
         for file in (tables / f"{cube.stem}.csv", cube):
             shutil.copyfile(file, book / DATA_FOLDER / file.name)
     runs = [_describe_run(book, notebook, cube) for notebook, cube in made]
-    text = templates.render(
-        __file__, "ro-crate.json", runs=runs, profile=CRATE_PROFILE, license=LICENSE_ADDRESS
-    )
+    values = {"profile": CRATE_PROFILE, "license": LICENSE_ADDRESS, "version": __version__}
+    text = templates.render(__file__, "ro-crate.json", runs=runs, **values)
     crate = json.dumps(json.loads(text), indent=1, ensure_ascii=False)
     (book / CRATE_NAME).write_text(crate + "\n", encoding="utf-8")
     if report.is_file():
-        shutil.copyfile(report, book / SAMPLE_REPORT)
+        shutil.copyfile(report, book / SAMPLE_PAGE)
 
 
 def pack_book(book: Path, place: Path) -> None:
@@ -103,7 +102,7 @@ CRATE_FILES = (  # address, format, meaning; the first is what was run
 
 
 def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
-    """Return what the template says of one figure set's run, software, parameters and files."""
+    """Return request, cube's attributes, times and files of one figure set's run."""
     metadata = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]
     about, digest = storage.read_attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
     name = str(about["figure_set"])
@@ -120,19 +119,13 @@ def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
         for pattern, form, words in CRATE_FILES
         if (path := book / (place := pattern.format(name=name, page=page))).is_file()
     ]
-    commit, versions = str(about["commit"]).strip(), json.loads(about["versions"])
-    packages = ", ".join(f"{package} {version}" for package, version in versions.items())
-    tool = {"id": f"#thesis_lib-{commit}", "version": f"{__version__}, commit {commit}"}
     return {
-        "id": f"#run-{name}",
         "study": study,
-        "description": f"`{request.study_command(study)}`; parameters' hash {study.digest}",
-        "start": str(metadata["papermill"]["start_time"]),
-        "end": str(metadata["papermill"]["end_time"]),
-        "tool": {**tool, "packages": packages, "digest": about["library_sha256"]},
+        "command": request.study_command(study),
+        "about": {**about, "commit": str(about["commit"]).strip()},
+        "versions": json.loads(about["versions"]),
+        "times": metadata["papermill"],
         "files": files,
-        "inputs": [files[0]["place"], *(f"#{name}/{key}" for key in study.request)],
-        "results": [file["place"] for file in files[1:]],
     }
 
 
