@@ -33,8 +33,7 @@ def setup(app: Any) -> dict[str, bool]:
     app.add_directive("computed-by", ComputedBy)
     app.add_transform(LinkShownFigures)
     app.connect("builder-inited", _set_builder)
-    app.connect("env-get-outdated", _remove_old_pages)
-    app.connect("env-get-outdated", _find_outdated_notebooks)
+    app.connect("env-get-outdated", _find_outdated_pages)
     app.connect("env-before-read-docs", _clear_pages)
     app.connect("html-page-context", _describe_page)
     app.connect("autodoc-process-docstring", _escape_bars)
@@ -88,19 +87,17 @@ class LinkShownFigures(SphinxTransform):
                 figure.replace_self(text)
 
 
-def _remove_old_pages(
-    app: Any, _env: Any, _added: set[str], _changed: set[str], removed: set[str]
+def _find_outdated_pages(
+    app: Any, env: Any, _added: set[str], _changed: set[str], removed: set[str]
 ) -> list[str]:
-    """Delete what earlier builds have made of sources that are gone, which Sphinx leaves there."""
+    """Find the figures that chapters show, and return the notebooks' pages if others were shown.
+
+    Pages that earlier builds have made of sources that are gone, which Sphinx leaves, are deleted.
+    """
     for name in removed:
         for file in (f"{name}.html", f"_sources/{name}.*"):
             for path in Path(app.outdir).glob(file):
                 path.unlink()
-    return []
-
-
-def _find_outdated_notebooks(_app: Any, env: Any, *_pages: set[str]) -> list[str]:
-    """Find the figures that chapters show, and return the notebooks' pages if others were shown."""
     before = getattr(env, "tl_shown", None)  # by the last build
     env.tl_shown = {*find_figure_names(Path(env.srcdir).glob("*.md"))}
     if before == env.tl_shown:

@@ -182,7 +182,7 @@ PX_PER_UNIT = {"pt": 4 / 3, "px": 1.0, "": 1.0}
 _to_hex = cache(to_hex)
 _COLOUR_PATTERN = re.compile(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b")
 _LENGTH_PATTERN = re.compile(r"([\d.]+)(pt|px|)")
-_COLOUR_ATTRIBUTES = ("style", "fill", "stroke", "stop-color")
+_COLOUR_ATTRIBUTE_PATTERN = re.compile(r'\s(?:style|fill|stroke|stop-color)="[^"]*"')
 
 
 def measure_image(path: Path) -> dict[str, str]:
@@ -207,26 +207,21 @@ def theme_drawing(path: Path) -> None:
     White becomes the page's ground there, black its ink, greys lie between, and colours are
     lightened until they have the contrast that text needs.
     """
-    tree = etree.parse(path, etree.XMLParser(remove_comments=True, huge_tree=True))
-    root = tree.getroot()
     colours = {"#000000"}
 
     def name_variable(match: re.Match[str]) -> str:
         colours.add(colour := _to_hex(match[0]))
         return f"var(--c{colour[1:]})"
 
-    for element in root.iter(etree.Element):
-        for name in _COLOUR_ATTRIBUTES:
-            if value := element.get(name):
-                element.set(name, _COLOUR_PATTERN.sub(name_variable, value))
+    text = _COLOUR_ATTRIBUTE_PATTERN.sub(
+        lambda found: _COLOUR_PATTERN.sub(name_variable, found[0]),
+        path.read_text(encoding="utf-8"),
+    )
     light = "".join(f"--c{one[1:]}:{one};" for one in sorted(colours))
     dark = "".join(f"--c{one[1:]}:{find_dark_colour(one)};" for one in sorted(colours))
-    style = etree.Element("{http://www.w3.org/2000/svg}style")
-    style.text = (
-        f"svg{{{light}fill:var(--c000000)}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
-    )
-    root.insert(0, style)
-    tree.write(path, encoding="utf-8")
+    rules = f"svg{{{light}fill:var(--c000000)}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
+    text = re.sub("<svg[^>]*>", rf"\g<0><style>{rules}</style>", text, count=1)
+    path.write_text(text, encoding="utf-8")
 
 
 def find_dark_colour(colour: str) -> str:
