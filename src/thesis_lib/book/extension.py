@@ -10,8 +10,8 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from html import unescape
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from docutils import nodes
@@ -49,11 +49,7 @@ class ComputedBy(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Parse the Markdown of the folded source text."""
         full = f"thesis_lib.{self.arguments[0]}"
-        module, _, name = full.rpartition(".")
-        try:
-            function = getattr(import_module(module), name)
-        except (ImportError, AttributeError):
-            raise self.error(f"computed-by: the library has no {full}") from None
+        function, name = resolve_name(full), full.rpartition(".")[2]
         self.env.note_dependency(str(Path(inspect.getfile(function)).resolve()))
         return self.parse_text_to_nodes(
             f"::::{{dropdown}} In code: `{name}`\n:class-container: tl-code\n\n"
