@@ -8,7 +8,6 @@ import traitlets
 
 from thesis_lib.web import html
 
-_VIEWER_SCRIPT = html.join_modules("viewer", *html.VIEWER_KINDS)
 FORM_CSS = html.VIEWER_CSS + html.read_asset("rerun.css")
 
 
@@ -75,7 +74,7 @@ class Viewer(anywidget.AnyWidget):
         :func:`thesis_lib.notebook.show.form_of`.
     """
 
-    _esm = _VIEWER_SCRIPT
+    _esm = html.join_modules("viewer", *html.VIEWER_KINDS)
     _css = html.VIEWER_CSS
     data = traitlets.Dict().tag(sync=True)
     case = traitlets.Unicode().tag(sync=True)
@@ -93,11 +92,10 @@ class Viewer(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        kind = self.data.get("structure", {}).get("kind")
-        known = kind in html.VIEWER_KINDS
-        esm, css = html.join_modules("viewer", kind) if known else _VIEWER_SCRIPT, html.VIEWER_CSS
+        kind = self.data["structure"]["kind"]
+        esm, css = html.join_modules("viewer", kind), html.VIEWER_CSS
         state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
-        if self.form and known:
+        if self.form:
             esm, css, state["form"] = html.join_modules("rerun", kind), FORM_CSS, self.form
         page = html.static_html(esm, css, state)
         return {**data, "text/plain": repr(self), "text/html": page}, metadata
