@@ -78,8 +78,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
         self.request: requests.Study | None = None  # of the values, unless they are refused
         self.inputs: dict[str, ipywidgets.ValueWidget] = {}  # a widget for each parameter
         self.button = ipywidgets.Button(description="Rerun", button_style="primary", icon="play")
-        self.message = ipywidgets.HTML()  # why the values cannot be run
-        self.command = ipywidgets.HTML()  # the command that does the same
+        self.message = ipywidgets.HTML()  # the same command, or why the values cannot be run
         self.output = ipywidgets.Output()  # progress and results
         known = effort.read_efforts().get(self.name)
         takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
@@ -100,7 +99,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
             rows.append(ipywidgets.HBox([widget, about]))
         self.button.on_click(self.run_request)
         self.check_values()
-        super().__init__([*rows, self.button, self.message, self.command, self.output])
+        super().__init__([*rows, self.button, self.message, self.output])
 
     @property
     def values(self) -> dict[str, Any]:
@@ -115,15 +114,14 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
 
     def check_values(self, _: object = None) -> None:
         """Show the command of the values, or why they are refused."""
-        self.request, words, refusal = None, "", ""
+        self.request = None
         try:
             self.request = validate_request(self.name, self.values)
             command = html.escape(requests.study_command(self.request))
-            words = f"The same by command: <code>{command}</code>"
+            self.message.value = f"The same by command: <code>{command}</code>"
         except requests.ParameterError as error:
-            refusal = f'<span role="alert">{html.escape(str(error))}</span>'
-        self.button.disabled = bool(refusal)
-        self.message.value, self.command.value = refusal, words
+            self.message.value = f'<span role="alert">{html.escape(str(error))}</span>'
+        self.button.disabled = self.request is None
 
     def run_request(self, _: object = None) -> None:
         """Run the request of the values and show its result: changes, the viewer, the table."""

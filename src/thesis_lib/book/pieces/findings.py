@@ -309,7 +309,8 @@ def _trial_median(errors: xr.DataArray) -> float:
     return float(errors.isel(trial=slice(1, None)).median())
 
 
-RESULT_PIECES: dict[str, Callable[[Cubes], str]] = {
+PIECES: dict[str, Callable[[Cubes], str]] = {
+    # The end of each chapter: two or three sentences, or a table
     "beam-result": partial(describe_body, "beam"),
     "plate-result": partial(describe_body, "plate"),
     "laboratory-result": describe_laboratory,
@@ -317,15 +318,12 @@ RESULT_PIECES: dict[str, Callable[[Cubes], str]] = {
     "shapes-result": describe_shapes,
     "planner-result": describe_planner,
     "conclusions-result": tabulate_advice,
-}
-"""The end of each chapter: two or three sentences, or a table."""
-PIECES: dict[str, Callable[[Cubes], str]] = {
+    # Other sentences and tables
     "home-findings": list_findings,
     **{
         f"{subject}-results": partial(describe_chapter, subject)
         for subject in ("beam", "plate", "sound", "experiment")
     },
-    **RESULT_PIECES,
     "lab-repeats": describe_repeats,
     "sound-scatter": tabulate_sound_scatter,
     "rounding-scatter": tabulate_scatter,
