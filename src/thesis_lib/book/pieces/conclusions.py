@@ -54,15 +54,9 @@ def _find_optimum(opened: Cubes) -> dict[str, Any]:
     error = selection.error_bars(cube, "three-rows", 1).band[1]
     best, steepest = int(np.nanargmin(error)), int(np.argmax(elevations))
     lowest = int(np.flatnonzero(np.isfinite(error))[0])
-    return {
-        "best": elevations[best],
-        "error": error[best],
-        "steepest": elevations[steepest],
-        "lowest": elevations[lowest],
-        "to_steepest": error[best] / error[steepest],
-        "to_least": error[lowest] / error[best],
-        "lost": elevations[np.isnan(error)].tolist(),
-    }
+    ends = {"best": best, "steepest": steepest, "lowest": lowest}
+    found = {name: {"at": elevations[i], "error": error[i]} for name, i in ends.items()}
+    return found | {"lost": elevations[np.isnan(error)].tolist()}
 
 
 def _list_trends(opened: Cubes) -> list[ledger.Entry]:
