@@ -243,14 +243,16 @@ def _predict_error(
 
 def tabulate_equal_pixels(_: Cubes) -> str:
     """Tabulate arrays and pairs at equal pixels."""
-    found = list(equal_pixels())
-    summary = {
-        "worse": [one for one in found if one.ratio > 1 + trends.MIN_MATERIAL_FALL],
-        "better": sum(one.ratio < 1 - trends.MIN_MATERIAL_FALL for one in found),
-        "material": trends.MIN_MATERIAL_FALL,
-        "median": np.median([one.ratio for one in found]),
-    }
-    return render(__file__, "conclusions-pixels", found=found, **summary)
+    found, material = list(equal_pixels()), trends.MIN_MATERIAL_FALL
+    return render(
+        __file__,
+        "conclusions-pixels",
+        found=found,
+        worse=[one for one in found if one.ratio > 1 + material],
+        better=sum(one.ratio < 1 - material for one in found),
+        material=material,
+        median=np.median([one.ratio for one in found]),
+    )
 
 
 def tabulate_wishes(opened: Cubes) -> str:
