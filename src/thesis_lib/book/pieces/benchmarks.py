@@ -66,15 +66,11 @@ def compare_contenders(run: Row) -> list[dict[str, Any]]:
     return rows
 
 
-def compare_targets(run: Row) -> list[dict[str, Any]]:
+def compare_targets(run: Row) -> list[tuple[Any, ...]]:
     """Compare the library with what was aimed at, for each number of cameras."""
     own = {(r["cameras"], r["refined"]): r for r in compare_contenders(run) if r["name"] == OWN_ROW}
     return [
-        {
-            "cameras": n,
-            "linear": own.get((n, False), {}).get("to_peer"),
-            "refined": own.get((n, True), {}).get("to_ceres"),
-        }
+        (n, own.get((n, False), {}).get("to_peer"), own.get((n, True), {}).get("to_ceres"))
         for n in sorted({row["cameras"] for row in run["triangulation"]})
     ]
 

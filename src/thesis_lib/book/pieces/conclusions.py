@@ -127,16 +127,12 @@ def correlate_sound(opened: Cubes) -> str:
 
 def tabulate_sound_errors(opened: Cubes) -> str:
     """Tabulate how large the errors of the sound are: median, and largest 95 % quantile."""
-    rows = [
-        {
-            "varied": varied,
-            "shape": cube["deflection_error"].median(),
-            "sound": cube["plane_error"].median(),
-            "largest": cube["plane_error"].quantile(0.95, "trial", skipna=False).max(),
-            "below": (cube["plane_error"] < 10).sum() / cube["plane_error"].count(),
-        }
-        for varied, cube in _read_sound_studies(opened)
-    ]
+    rows = []
+    for varied, cube in _read_sound_studies(opened):
+        shape, sound = cube["deflection_error"], cube["plane_error"]
+        largest = sound.quantile(0.95, "trial", skipna=False).max()
+        below = (sound < 10).sum() / sound.count()
+        rows.append((varied, shape.median(), sound.median(), largest, below))
     return render(__file__, "conclusions-small", rows=rows)
 
 
