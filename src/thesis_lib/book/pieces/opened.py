@@ -132,19 +132,15 @@ def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder
             shown = [output.get("data", {}) for output in cell.get("outputs", [])]
             drawn = next((one["image/svg+xml"] for one in shown if "image/svg+xml" in one), None)
             if "figure" in about and drawn is not None:
-                found[about["figure"]["name"]] = {
-                    "alt": about.get("image", {}).get("alt", ""),
-                    "set": notebook.stem,
-                    "picture": "".join(drawn),
-                    "caption": about["figure"]["caption"],
-                }
+                found[about["figure"]["name"]] = notebook.stem, about, "".join(drawn)
     for name in wanted:
         picture, words = folder / f"{name}.svg", folder / f"{name}.md"
-        if figure := found.get(name):
-            whole_text(picture, figure["picture"])
-            page = figure["set"] not in SETS_IN_CHAPTERS
-            whole_text(words, render(__file__, "figure", name=name, figure=figure, page=page))
-        else:  # its set is of another chapter, or was run without this mode
+        if name in found:
+            of, about, drawn = found[name]
+            page = of not in SETS_IN_CHAPTERS
+            whole_text(picture, drawn)
+            whole_text(words, render(__file__, "figure", **about, figure_set=of, page=page))
+        else:  # its set was run without this mode
             write_placeholder(picture, name)
             write_placeholder(words, name)
 
