@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from itertools import chain
 from typing import Any
 
 from thesis_lib.book import build, explorer, find_figure_names, rendering
@@ -90,7 +89,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     """Write the tables, sentences and pictures that pages include."""
     measured = [name for name in STUDIES if name != "claims"]
     others = [result_files(name)[0] for name in measured]
-    elsewhere = {*texts.OF_LEDGER, *texts.OF_NO_CUBE, *chain(*texts.OWN_PIECES.values())}
+    elsewhere = (*texts.OF_LEDGER, *texts.OF_NO_CUBE)
     numbers = [name for name in texts.PIECES if name not in elsewhere]
     figures = find_figure_names(PAGES)
     data = ExperimentResolution().recordings.stored_path
@@ -169,15 +168,13 @@ def task_piece() -> Iterator[dict[str, Any]]:
 
 
 def task_figures() -> Iterator[dict[str, Any]]:
-    """Draw the figures of chapters, and write the numbers of each cube, to include and download."""
+    """Draw the figures of chapters, and write the numbers of each cube to download."""
     for name in (*STUDIES, illustrations.FACTS):
         drawn = [one for one, (of, _) in illustrations.FIGURES.items() if of == name]
-        told = [*texts.OWN_PIECES.get(name, ())]
 
-        def act(name: str = name, drawn: list[str] = drawn, told: list[str] = told) -> None:
+        def act(name: str = name, drawn: list[str] = drawn) -> None:
             made = build.list_cubes([name])
             illustrations.write_illustrations(made, EXECUTED_FOLDER, drawn)
-            texts.write_pieces(made, EXECUTED_FOLDER, told)
             rendering.write_tables(build.TABLES_FOLDER, made)
 
         of = [result_files(name)[0]]
@@ -187,7 +184,7 @@ def task_figures() -> Iterator[dict[str, Any]]:
             f"figures and numbers of {name}",
             act,
             [*of, *TEXT_CODE],
-            [EXECUTED_FOLDER / one for one in (*drawn, *(f"{one}.md" for one in told))],
+            [EXECUTED_FOLDER / one for one in drawn],
         )
 
 

@@ -1,16 +1,12 @@
 """axe-core, the accessibility checker: installed for the tests alone, and asked about a page."""
 
-import hashlib
-import shutil
-import tempfile
 from functools import cache
 from pathlib import Path
 
-from thesis_lib.book.rendering import npm_ci
+from thesis_lib.book.rendering import install_packages
 from thesis_lib.web.page import BookError
 
 ROOT = Path(__file__).parents[1]
-FOLDER = ROOT / "build" / "axe"
 # What folds is opened at once; of many rows, entries and words of code that are alike, some stand
 # for all.
 PREPARE = """() => {
@@ -37,20 +33,9 @@ def source():
 
     Without npm, or without a network the first time, it raises a `BookError`.
     """
-    lock = ROOT / "package-lock.json"
-    stamp, file = FOLDER / ".lock-sha256", FOLDER / "axe.min.js"
-    digest = hashlib.sha256(lock.read_bytes()).hexdigest()
-    if not (file.is_file() and stamp.is_file() and stamp.read_text() == digest):
-        FOLDER.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=FOLDER.parent, prefix="npm-") as name:
-            for one in (lock, ROOT / "package.json"):
-                shutil.copy(one, name)
-            npm_ci(Path(name), "axe-core for the tests")
-            package = Path(name) / "node_modules" / "axe-core"
-            for part in ("LICENSE", "axe.min.js"):
-                shutil.copy(package / part, FOLDER)
-        stamp.write_text(digest)
-    return file.read_text(encoding="utf-8")
+    parts = {"axe-core": ("LICENSE", "axe.min.js")}
+    folder = install_packages(ROOT, ROOT / "build" / "axe", parts)
+    return next(folder.rglob("axe.min.js")).read_text(encoding="utf-8")
 
 
 @cache

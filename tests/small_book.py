@@ -66,7 +66,7 @@ def small(tmp_path_factory):
     checkout = Checkout(tmp_path_factory.mktemp("small") / "project")
     root = checkout.root
     shrink(checkout, pages=True)
-    for name in ("_config.yml", "package.json", "package-lock.json"):
+    for name in ("_config.yml", "CITATION.cff", "package.json", "package-lock.json"):
         shutil.copy(PROJECT / name, root)
     shutil.copytree(assets, root / "build" / "assets")
     shutil.copytree(PROJECT / "book" / "assets", root / "book" / "assets")

@@ -57,9 +57,12 @@ def readme_commands():
     return named + [line for line in lines if not line.startswith("make ")]
 
 
-def test_commands_of_the_readme_exist():
+def test_commands_of_readme_and_pages_exist():
     commands = {line.split()[1] for line in readme_commands()}
     assert len(commands) > 10
+    for page in (ROOT / "book").glob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        commands |= {*re.findall(r"^\$ (?:\S*/)?thesis ([\w-]+)", text, re.MULTILINE)}
     assert commands <= set(cli.commands)
 
 

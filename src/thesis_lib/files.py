@@ -29,8 +29,7 @@ STAGING_PREFIX = ".staging-"
 OWNER_RECORD = ".owner.json"  # in a folder of staging: the host and process that write to it
 LOCK_NAME = ".lock"
 _temporary: set[Path] = set()  # folders of this process
-# In the environment: the cache of a command that cannot write its own
-_CACHE_VARIABLE = "THESIS_CACHE"
+_CACHE_VARIABLE = "THESIS_CACHE"  # the cache of a command that cannot write its own
 
 
 class InUseError(RuntimeError):
@@ -59,7 +58,7 @@ def project_root() -> Path:
         If the library was installed without its checkout.
     """
     root, package = shipped(), Path(__file__).parent
-    if root.parent == package:
+    if root.name == _SHIPPED_FOLDER:
         wanted = "this needs a clone of the project, installed with `pip install -e .`"
         raise NoCloneError(f"{package}: {wanted}")
     return root
@@ -67,10 +66,8 @@ def project_root() -> Path:
 
 def workplace() -> Path:
     """Return the folder of runs, caches and logs: the checkout, else the working directory."""
-    try:
-        return project_root()
-    except NoCloneError:
-        return _began_in()
+    root = shipped()
+    return _began_in() if root.name == _SHIPPED_FOLDER else root
 
 
 @cache
@@ -85,16 +82,14 @@ def cache_folder() -> Path:
     Where ``build/cache`` cannot be written to, as in a checkout of somebody else's, a command and
     the processes that it starts share a folder that is removed when the command ends.
     """
-    if _CACHE_VARIABLE not in os.environ:
-        folder = workplace() / "build" / "cache"
-        there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
-        if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
-            return folder
-        own = Path(tempfile.mkdtemp(prefix="thesis-cache-"))
-        _temporary.add(own)
+    folder = Path(os.environ.get(_CACHE_VARIABLE, workplace() / "build" / "cache"))
+    there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        folder = Path(tempfile.mkdtemp(prefix="thesis-cache-"))
+        _temporary.add(folder)
         atexit.register(remove_temporary)
-        os.environ[_CACHE_VARIABLE] = str(own)
-    return Path(os.environ[_CACHE_VARIABLE])
+        os.environ[_CACHE_VARIABLE] = str(folder)
+    return folder
 
 
 def library_files() -> list[Path]:
@@ -259,14 +254,8 @@ def name_place(place: Path) -> Iterator[None]:
 def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = ()) -> None:
     """Refuse, before anything is computed, to replace files of the user's.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the command writes.
-    files : iterable of Path
-        What it will write there, or what matches it.
-    inputs : iterable of Path
-        Files and folders that it reads, which it never replaces, no matter who wrote them.
+    The command will write `files` into `folder`. It reads the files and folders `inputs`, which it
+    never replaces, no matter who wrote them.
 
     Raises
     ------

@@ -57,16 +57,6 @@ def test_a_run_is_written_and_told(timed, tmp_path):
     assert float(row[4]) == pytest.approx(own.rate, rel=1e-2)
 
 
-def test_plan_is_computed_from_the_rates():
-    data = {
-        "limits": {"bandwidth": 2.16},
-        "triangulation": [{"name": "thesis_lib, NumPy", "refined": True, "cameras": 12,
-                           "bytes": 216, "rates": [10.0]}],
-    }  # fmt: skip
-    *_, row = benchmark_tables.tabulate_benchmarks("plan", data).splitlines()
-    assert row == ("| 12 | 192 GB | 24 GB | 216 MiB | 1.7 min | 50 s | 12 s | 3.1 s | 1 |")
-
-
 def read_published_rows(film):
     every = benchmark_tables.read_benchmarks()["compression"]["rows"]
     return [row for row in every if row["film"] == film]

@@ -8,7 +8,6 @@ import pytest
 from browser import focused, open_offline, tab_through, write_page
 
 from thesis_lib.book.explorer import explorer_data, explorer_html
-from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies import cubes
@@ -16,31 +15,7 @@ from thesis_lib.vision.pinhole import pixelate, project
 from thesis_lib.web.html import read_asset
 
 DATA = explorer_data()
-SUBJECTS = ("beam", "plate")
-STUDIES_OF = {s: [one() for one in CAMERA_STUDIES.values() if one.subject == s] for s in SUBJECTS}
 TWO = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
-
-
-# --- the data
-
-
-def test_setups_are_those_of_the_thesis_and_errors_the_published_ones():
-    for subject in SUBJECTS:
-        setups = iter(DATA["structures"][subject]["setups"])
-        for study in STUDIES_OF[subject]:
-            table = cubes.read_published(study.name)
-            errors = table.set_index(["error", "case", "value"])
-            for setting in study.settings():
-                one = next(setups)
-                assert (one["case"], one["label"]) == (setting.case, setting.label)
-                assert (one["d"], tuple(one["w"])) == (setting.distance_mm, setting.resolution_px)
-                assert [tuple(pair) for pair in one["c"]] == list(setting.directions_deg)
-                for error in ("mean_error", "max_point_error"):
-                    rows = errors.loc[[(error, setting.case, setting.value)]].sort_values("mode")
-                    found = rows[["trial_0", "median", "low", "high"]].values.tolist()
-                    assert one["errors"][error] == found
-        assert list(setups) == []
-        assert len(DATA["structures"][subject]["setups"]) == 56
 
 
 # --- in a browser

@@ -1,4 +1,4 @@
-"""Finished pages: names, folded contents, images with sizes, shared viewers, drawn intervals."""
+"""Finished pages: names, folded contents, images with sizes, drawn intervals."""
 
 import re
 

@@ -9,7 +9,6 @@ import pytest
 import yaml
 
 from thesis_lib.book.pieces import manifest as reference
-from thesis_lib.cli import cli
 from thesis_lib.files import project_root
 from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.messages import ALL_MESSAGES, CHECK_GROUPS, NOTE_GROUPS
@@ -112,16 +111,6 @@ def test_the_manifest_on_the_page_is_valid_and_brings_no_warning(tmp_path):
     for number in ("210e9", "2.1E+11"):  # a power of ten, as the page says
         path.write_text(text.replace("2.1e+11", number), encoding="utf-8")
         assert read_manifest(path, check_files=False).structure.youngs_modulus_pa == 2.1e11
-
-
-def test_commands_on_the_page_exist():
-    commands = re.findall(r"thesis (\w+)((?: [\w./-]+)*)", PAGE)
-    assert {"measure", "run"} <= {name for name, _ in commands}
-    for name, words in commands:
-        command = cli.commands[name]
-        parts = getattr(command, "commands", {}).values()
-        known = {option for one in (command, *parts) for each in one.params for option in each.opts}
-        assert {word for word in words.split() if word.startswith("-")} <= known
 
 
 def test_what_the_page_says_of_fields_is_in_the_models():

@@ -1,6 +1,5 @@
 """The report on the shipped example that the book shows: as measured, and as users get theirs."""
 
-import html
 import re
 
 import axe
@@ -12,7 +11,6 @@ from browser import open_offline
 from thesis_lib.book.pieces import manifest as sample
 from thesis_lib.figure_sets import record as example
 from thesis_lib.measure.messages import ALL_MESSAGES
-from thesis_lib.measure.report.build import summarise_shape
 from thesis_lib.measure.report.warnings import check_shape
 
 
@@ -62,14 +60,6 @@ def test_every_note_unfolds_into_its_meaning(chromium, page, data):
             item.locator("summary").click()
             assert words.is_visible()
             assert words.inner_text() == ALL_MESSAGES[note.code].meaning.replace("`", "")
-
-
-def test_it_tells_what_was_measured(page, data):
-    text = page.read_text(encoding="utf-8")
-    for line in summarise_shape(data):
-        assert html.escape(line) in text
-    block = sample.format_sample_summary()
-    assert [*block.splitlines()][1 : 1 + len(summarise_shape(data))] == summarise_shape(data)
 
 
 def test_the_measured_tip_is_the_true_one(data):

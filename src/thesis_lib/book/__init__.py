@@ -27,9 +27,9 @@ def find_figure_names(pages: Iterable[Path]) -> list[str]:
 
 def source_digest() -> str:
     """Return the digest of all that people write."""
-    outputs = [project_root() / place for place in OUTPUT_FOLDERS]
+    outputs = {project_root() / place for place in OUTPUT_FOLDERS}
     written = _list_files(SOURCE_FOLDERS)
-    return digest_of(path for path in written if not any(one in path.parents for one in outputs))
+    return digest_of(path for path in written if outputs.isdisjoint(path.parents))
 
 
 def remember_state(sources: str) -> None:

@@ -31,14 +31,10 @@ EXPLORER_FALLBACK = (
 def explorer_data() -> dict[str, Any]:
     """Collect what the page needs in addition to its model, as plain JSON values.
 
-    Returns
-    -------
-    dict
-        ``colors`` of the cameras, ``colormap`` from −max to max, ``sensor_width_mm``, and
-        ``structures``: beam and plate with their constants, the readings that the published errors
-        hold for, and ``setups``, the settings of the thesis's tables. A setup has ``errors`` and
-        ``stated``, each by the error's name with one entry per mode: ``[trial 0, median, 5 %,
-        95 %]`` in % as published, or None, and the thesis's words, or "".
+    ``structures`` are beam and plate with their constants, the readings that the published errors
+    hold for, and ``setups``, the settings of the thesis's tables. A setup has ``errors`` and
+    ``stated``, each by the error's name with one entry per mode: ``[trial 0, median, 5 %, 95 %]``
+    in % as published, or None, and the thesis's words, or "".
     """
     structures = {}
     for subject in ("beam", "plate"):
@@ -103,18 +99,13 @@ def _quote_claims(claims: tuple[Claim, ...], setting: setups.Setting, mode: int,
 def explorer_html(address: str = "", compact: bool = False) -> str:
     """Write the explorer as a self-contained HTML fragment for a page without a kernel.
 
-    Parameters
-    ----------
-    address : str, optional
-        What to show first, unless the page's own address says it behind its ``?``: ``s`` beam or
-        plate, ``m`` mode, and ``t`` a setup of the thesis such as ``4a-6`` (its case and value) or
-        else ``w`` width in px (or ``400x300``), ``f`` focal length, ``d`` distance and ``a``
-        amplitude in mm, ``r`` rest position ``rebuilt`` or ``known``, and ``c`` azimuth and
-        elevation of the cameras in degrees: ``s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15``. What is
-        unknown or makes no sense is ignored.
-    compact : bool, optional
-        Show the view, the shapes and the least controls, with a link to the page ``explorer.html``
-        that has them all.
+    `address` tells what to show first, unless the page's own address says it behind its ``?``:
+    ``s`` beam or plate, ``m`` mode, and ``t`` a setup of the thesis such as ``4a-6`` (its case and
+    value) or else ``w`` width in px (or ``400x300``), ``f`` focal length, ``d`` distance and ``a``
+    amplitude in mm, ``r`` rest position ``rebuilt`` or ``known``, and ``c`` azimuth and elevation
+    of the cameras in degrees: ``s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15``. What is unknown or
+    makes no sense is ignored. `compact` shows the view, the shapes and the least controls, with a
+    link to the page ``explorer.html`` that has them all.
     """
     traits = {"data": explorer_data(), "address": address, "compact": compact}
     script, style = join_modules("explorer"), VIEWER_CSS + read_asset("explorer.css")

@@ -10,10 +10,9 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from html import unescape
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
-from urllib.parse import quote
 
 from docutils import nodes
 from sphinx import addnodes
@@ -24,8 +23,6 @@ from thesis_lib.book import find_figure_names
 from thesis_lib.web.html import render_html
 
 MAX_DESCRIPTION_LENGTH = 200
-_MADE_PAGES = {"index", "genindex"}  # those without a source
-_BINDER_ADDRESS = "https://mybinder.org/v2"
 _BAR_PATTERN = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
 _NO_EXPRESSION = re.compile(r"<(?:[^<>]|<\w+>)*>")
 
@@ -36,11 +33,9 @@ def setup(app: Any) -> dict[str, bool]:
     app.add_directive("computed-by", ComputedBy)
     app.add_transform(LinkShownFigures)
     app.connect("builder-inited", _set_builder)
-    app.connect("env-get-outdated", _find_outdated_notebooks)
+    app.connect("env-get-outdated", _find_outdated_pages)
     app.connect("env-before-read-docs", _clear_pages)
     app.connect("html-page-context", _describe_page)
-    app.connect("html-page-context", _add_binder_button, priority=600)  # after the theme's buttons
-    app.connect("build-finished", _remove_old_pages)
     app.connect("autodoc-process-docstring", _escape_bars)
     app.connect("autodoc-process-signature", _shorten_defaults)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
@@ -54,11 +49,7 @@ class ComputedBy(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Parse the Markdown of the folded source text."""
         full = f"thesis_lib.{self.arguments[0]}"
-        module, _, name = full.rpartition(".")
-        try:
-            function = getattr(import_module(module), name)
-        except (ImportError, AttributeError):
-            raise self.error(f"computed-by: the library has no {full}") from None
+        function, name = resolve_name(full), full.rpartition(".")[2]
         self.env.note_dependency(str(Path(inspect.getfile(function)).resolve()))
         return self.parse_text_to_nodes(
             f"::::{{dropdown}} In code: `{name}`\n:class-container: tl-code\n\n"
@@ -92,8 +83,17 @@ class LinkShownFigures(SphinxTransform):
                 figure.replace_self(text)
 
 
-def _find_outdated_notebooks(_app: Any, env: Any, *_pages: set[str]) -> list[str]:
-    """Find the figures that chapters show, and return the notebooks' pages if others were shown."""
+def _find_outdated_pages(
+    app: Any, env: Any, _added: set[str], _changed: set[str], removed: set[str]
+) -> list[str]:
+    """Find the figures that chapters show, and return the notebooks' pages if others were shown.
+
+    Pages that earlier builds have made of sources that are gone, which Sphinx leaves, are deleted.
+    """
+    for name in removed:
+        for file in (f"{name}.html", f"_sources/{name}.*"):
+            for path in Path(app.outdir).glob(file):
+                path.unlink()
     before = getattr(env, "tl_shown", None)  # by the last build
     env.tl_shown = {*find_figure_names(Path(env.srcdir).glob("*.md"))}
     if before == env.tl_shown:
@@ -154,41 +154,6 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
     values = {"title": title, "description": description, "root": "../" * page.count("/")}
     tags = render_html("book/templates/metatags.html.j2", **values)
     context["metatags"] = f"{context.get('metatags', '')}\n{tags}"
-
-
-def _remove_old_pages(app: Any, error: Exception | None) -> None:
-    """Delete the pages of earlier builds whose sources are gone, which Sphinx leaves there."""
-    if error or app.builder.format != "html":
-        return
-    folder = Path(app.outdir)
-    names = {*app.env.all_docs, *_MADE_PAGES}
-    for page in folder.rglob("*.html"):
-        name = page.relative_to(folder).with_suffix("").as_posix()
-        if name not in names and not name.startswith("_"):
-            page.unlink()
-            for source in (folder / "_sources").glob(f"{name}.*"):
-                source.unlink()
-
-
-def _add_binder_button(app: Any, page: str, _template: str, context: Any, _tree: Any) -> None:
-    """Offer to run a figure set's notebook on Binder if ``_config.yml`` names a repository."""
-    name = page.rpartition("/")[2]
-    options = app.config.html_theme_options
-    address = str(options.get("repository_url") or "").rstrip("/").removesuffix(".git")
-    if not address or not (Path(app.srcdir).parent / "notebooks" / f"{name}.ipynb").is_file():
-        return
-    branch = options.get("repository_branch") or "main"
-    _, github, path = address.partition("https://github.com/")
-    place = f"gh/{path}" if github else f"git/{quote(address, safe='')}"
-    button = {
-        "type": "link",
-        "url": f"{_BINDER_ADDRESS}/{place}/{branch}?urlpath=lab/tree/notebooks/{name}.ipynb",
-        "text": "",
-        "tooltip": "Run on Binder",
-        "icon": "fa-solid fa-rocket",
-        "label": "binder-button",
-    }
-    context.setdefault("header_buttons", []).append(button)
 
 
 def _escape_bars(*event: Any) -> None:

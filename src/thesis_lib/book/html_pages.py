@@ -1,4 +1,4 @@
-"""Finishing of the rendered pages: names for screen readers, images, shared viewers, search index.
+"""Finishing of the rendered pages: names for screen readers, images, search index.
 
 Cells of five numbers are drawn as intervals, and drawings get colours for the dark. Sphinx, its
 theme and its extensions wrote the pages; here a parser reads each of them once.
@@ -8,12 +8,11 @@ equations, names of the library, terms, warnings, sources and claims. All of the
 script, since a page opened from a folder may fetch no other page.
 """
 
-import hashlib
 import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,13 +26,6 @@ from PIL import Image, ImageColor
 from thesis_lib.facts.claims import read_index
 from thesis_lib.web.html import render_html
 
-VIEWERS_FOLDER = "_viewers"
-_STATE_MARK = "\nconst state = "  # the data of a viewer; its program stands before them
-_MODEL_MARK = "\nfunction createModel("  # stands after them
-_FRONTS_MARK = "window.thesisFronts"
-_WITHOUT_BOOK = (
-    "this.insertAdjacentText('beforebegin', 'The viewer that stands here needs the whole book.')"
-)
 _UNUSED_SCRIPTS = ("searchtools.js", "language_data.js", "searchindex.js", "fontawesome.js")
 _KEPT_KINDS = ("text/plain", "text/markdown")  # of outputs, in the notebooks that are offered
 
@@ -57,7 +49,6 @@ def finish_pages(book: Path) -> None:
         fold_contents(page)
         draw_intervals(page)
         load_lazily(page, path.parent)
-        share_viewers(page, book, "../" * name.count("/"))
         text = html.tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")
         path.write_text(text, encoding="utf-8")
     write_index(book, entries)
@@ -129,36 +120,6 @@ def load_lazily(page: html.HtmlElement, folder: Path) -> None:
         image.attrib.update({"loading": "lazy", **known})
 
 
-def share_viewers(page: html.HtmlElement, book: Path, root: str) -> None:
-    """Move the programs and styles of viewers to files that pages share; the data stay in the page.
-
-    A page opened from a folder may load no module, but a script, whose function returns the front
-    end; both run when the page is read, in their order.
-    """
-    folder = book / VIEWERS_FOLDER
-    for script in page.xpath("//script[@type='module']"):
-        head, found, model = (script.text or "").rpartition(_MODEL_MARK)
-        program, _, state = head.rpartition(_STATE_MARK)
-        style = script.getprevious()
-        if not found or style is None or style.tag != "style":
-            continue
-        program, css = program.strip(), style.text or ""
-        name, css_name = (hashlib.sha256(text.encode()).hexdigest()[:16] for text in (program, css))
-        front = f"({_FRONTS_MARK} ??= {{}})['{name}'] = () => {{\n{program}\nreturn widget;\n}};\n"
-        folder.mkdir(exist_ok=True)
-        (folder / f"{name}.js").write_text(front, encoding="utf-8")
-        (folder / f"{css_name}.css").write_text(css, encoding="utf-8")
-        address = f"{root}{VIEWERS_FOLDER}"
-        script.addprevious(builder.LINK(rel="stylesheet", href=f"{address}/{css_name}.css"))
-        script.addprevious(
-            builder.SCRIPT({"defer": "", "onerror": _WITHOUT_BOOK}, src=f"{address}/{name}.js")
-        )
-        script.text = (
-            f"\nconst widget = {_FRONTS_MARK}['{name}']();{_STATE_MARK}{state}{_MODEL_MARK}{model}"
-        )
-        style.drop_tree()
-
-
 MAX_LINEAR_DECADES = 1.7  # a scale that spans more is logarithmic
 INTERVAL_CELL_WIDTH_PX = 90
 _INTERVAL_PATTERN = re.compile(r"([\d.]+) · ([\d.]+) \(([\d.]+)–([\d.]+)\) · ([\d.]+)")
@@ -221,7 +182,7 @@ PX_PER_UNIT = {"pt": 4 / 3, "px": 1.0, "": 1.0}
 _to_hex = cache(to_hex)
 _COLOUR_PATTERN = re.compile(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b")
 _LENGTH_PATTERN = re.compile(r"([\d.]+)(pt|px|)")
-_COLOUR_ATTRIBUTES = ("style", "fill", "stroke", "stop-color")
+_COLOUR_ATTRIBUTE_PATTERN = re.compile(r'\s(?:style|fill|stroke|stop-color)="[^"]*"')
 
 
 def measure_image(path: Path) -> dict[str, str]:
@@ -246,26 +207,21 @@ def theme_drawing(path: Path) -> None:
     White becomes the page's ground there, black its ink, greys lie between, and colours are
     lightened until they have the contrast that text needs.
     """
-    tree = etree.parse(path, etree.XMLParser(remove_comments=True, huge_tree=True))
-    root = tree.getroot()
     colours = {"#000000"}
 
     def name_variable(match: re.Match[str]) -> str:
         colours.add(colour := _to_hex(match[0]))
         return f"var(--c{colour[1:]})"
 
-    for element in root.iter(etree.Element):
-        for name in _COLOUR_ATTRIBUTES:
-            if value := element.get(name):
-                element.set(name, _COLOUR_PATTERN.sub(name_variable, value))
+    text = _COLOUR_ATTRIBUTE_PATTERN.sub(
+        lambda found: _COLOUR_PATTERN.sub(name_variable, found[0]),
+        path.read_text(encoding="utf-8"),
+    )
     light = "".join(f"--c{one[1:]}:{one};" for one in sorted(colours))
     dark = "".join(f"--c{one[1:]}:{find_dark_colour(one)};" for one in sorted(colours))
-    style = etree.Element("{http://www.w3.org/2000/svg}style")
-    style.text = (
-        f"svg{{{light}fill:var(--c000000)}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
-    )
-    root.insert(0, style)
-    tree.write(path, encoding="utf-8")
+    rules = f"svg{{{light}fill:var(--c000000)}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}"
+    text = re.sub("<svg[^>]*>", rf"\g<0><style>{rules}</style>", text, count=1)
+    path.write_text(text, encoding="utf-8")
 
 
 def find_dark_colour(colour: str) -> str:
@@ -317,18 +273,16 @@ class SearchEntry:
     title: str = ""
     text: str = ""
     picture: str = ""  #: Of a figure, relative to the page
-    words: list[str] = field(default_factory=list, repr=False)
-    title_words: list[str] = field(default_factory=list, repr=False)
 
 
 def index_page(page: Any) -> list[SearchEntry]:
     """Return the entries of a parsed page in their order; the first one is the page itself."""
     found: list[SearchEntry] = []
     for article in page.xpath("//article[contains(@class, 'bd-article')]"):
-        _read_element(article, None, found, title=False)
+        _read_element(article, None, found, in_title=False)
     for entry in found:
         length = MAX_NAME_TEXT_LENGTH if entry.kind == "name" else MAX_TEXT_LENGTH
-        entry.text = _join_words(entry.words)[:length]
+        entry.text = " ".join(entry.text.split())[:length]
         entry.title = _name_entry(entry)
     if found and (tab := page.findtext(".//title")):
         found[0].title = " ".join(tab.partition(" \N{EM DASH} ")[0].split())  # unique in the book
@@ -336,60 +290,57 @@ def index_page(page: Any) -> list[SearchEntry]:
 
 
 def _read_element(
-    parent: Any, current: SearchEntry | None, found: list[SearchEntry], title: bool
+    parent: Any, current: SearchEntry | None, found: list[SearchEntry], in_title: bool
 ) -> None:
     """Add the text below an element to the innermost entry that it belongs to."""
     for child in parent:
-        if not isinstance(child.tag, str):  # a comment
-            _add_words(current, child.tail, title)
-            continue
-        owner, kind, anchor = current, _find_kind(child), child.get("id", "")
-        code = child.find("span[@id]/code") if child.tag == "dt" and not kind else None
-        if code is not None:  # a warning, which is searched for by its name
-            kind, anchor = "term", code.getparent().get("id")
-        if kind:
-            owner = SearchEntry(kind, [anchor])
-            if code is not None:
-                owner.title_words.append(code.text_content())
-            found.append(owner)
-            if kind in ("term", "name"):  # what explains it follows in the list
-                current = owner
-        elif owner and child.tag == "span" and anchor and anchor not in owner.places:
-            owner.places.append(anchor)
-        elif owner and child.tag == "img" and owner.kind == "figure":
-            owner.picture = child.get("src", "")
-        classes = {*child.get("class", "").split()}
-        if child.tag not in _NO_TEXT and classes.isdisjoint(_NO_TEXT_CLASSES):
-            in_title = title or child.tag in _HEADING_TAGS or not classes.isdisjoint(_TITLE_CLASSES)
-            in_title |= kind == "term" and code is None
-            _add_words(owner, child.text, in_title)
-            _read_element(child, owner, found, in_title)
-        if child.tag in _BLOCK_TAGS:
-            _add_words(owner, " ", title=False)
-        _add_words(current, child.tail, title)
+        if isinstance(child.tag, str):  # no comment
+            new, anchor = _begin_entry(child), child.get("id", "")
+            owner = new or current
+            if new:
+                found.append(new)
+                if new.kind in ("term", "name"):  # what explains it follows in the list
+                    current = new
+            elif owner and child.tag == "span" and anchor and anchor not in owner.places:
+                owner.places.append(anchor)
+            elif owner and child.tag == "img" and owner.kind == "figure":
+                owner.picture = child.get("src", "")
+            classes = {*child.get("class", "").split()}
+            if child.tag not in _NO_TEXT and classes.isdisjoint(_NO_TEXT_CLASSES):
+                title = in_title or child.tag in _HEADING_TAGS
+                title |= not classes.isdisjoint(_TITLE_CLASSES)
+                title |= new is not None and new.kind == "term" and not new.title
+                _add_words(owner, child.text, title)
+                _read_element(child, owner, found, title)
+            if child.tag in _BLOCK_TAGS:
+                _add_words(owner, " ", title=False)
+        _add_words(current, child.tail, in_title)
 
 
-def _find_kind(element: Any) -> str:
-    """Return the kind of entry that an element begins, or an empty text."""
+def _begin_entry(element: Any) -> SearchEntry | None:
+    """Return the entry that an element begins, if it does."""
     anchor, classes = element.get("id", ""), element.get("class", "").split()
-    if element.tag in ("section", "figure") and anchor:
-        return str(element.tag)
-    if anchor.startswith("equation-"):
-        return "equation"
-    if "citation" in classes:
-        return "source"
-    if element.tag == "dt" and anchor.startswith("term-"):
-        return "term"
-    return "name" if "sig-object" in classes and anchor else ""
+    kinds = {
+        str(element.tag): element.tag in ("section", "figure") and anchor,
+        "equation": anchor.startswith("equation-"),
+        "source": "citation" in classes,
+        "term": element.tag == "dt" and anchor.startswith("term-"),
+        "name": "sig-object" in classes and anchor,
+    }
+    if kind := next((kind for kind, begins in kinds.items() if begins), ""):
+        return SearchEntry(kind, [anchor])
+    code = element.find("span[@id]/code") if element.tag == "dt" else None
+    if code is None:
+        return None
+    # A warning, which is searched for by its name
+    return SearchEntry("term", [code.getparent().get("id")], code.text_content())
 
 
 def _add_words(entry: SearchEntry | None, text: str | None, title: bool) -> None:
-    if entry and text:
-        (entry.title_words if title else entry.words).append(text)
-
-
-def _join_words(words: list[str]) -> str:
-    return " ".join("".join(words).split())
+    if entry and text and title:
+        entry.title += text
+    elif entry and text:
+        entry.text += text
 
 
 def _name_entry(entry: SearchEntry) -> str:
@@ -399,7 +350,7 @@ def _name_entry(entry: SearchEntry) -> str:
     if entry.kind == "figure":
         sentence = entry.text.partition(". ")[0].rstrip(".")
         return sentence.removesuffix(" of the thesis") if sentence[:6] == "Figure" else sentence
-    title = _join_words(entry.title_words)
+    title = " ".join(entry.title.split())
     return f"Equation {title}" if entry.kind == "equation" else title
 
 

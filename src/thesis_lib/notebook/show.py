@@ -5,11 +5,11 @@ that it knows comes from the models of :mod:`thesis_lib.figure_sets.registry`, s
 refuses and writes what the ``thesis`` command takes. Beam and plate it computes, too.
 """
 
-import ast
 import base64
 import html
 import json
 import os
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -45,13 +45,10 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     registry.is_known(name, here=True)  # which loads it
     model = registry.model_of(name)
     injected = [  # names that papermill's cell has set, in the kernel's history
-        target.id
+        key
         for source in namespace.get("In", [])
         if source.startswith("# Parameters\n")
-        for statement in ast.parse(source).body
-        if isinstance(statement, ast.Assign)
-        for target in statement.targets
-        if isinstance(target, ast.Name)
+        for key in re.findall(r"^(\w+) = ", source, re.MULTILINE)
     ]
     check_names(model, injected)
     values = {key: namespace[key] for key in model.model_fields if key in namespace}
@@ -150,16 +147,12 @@ def _show_figure(
 def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
     """Return what a form of some figure sets shows and checks, as JSON values.
 
-    Returns
-    -------
-    dict
-        ``fields``, a list of parameters that differ in anything: name, meaning, unit, what is
-        allowed in words and as JSON schema, how a refusal ends, the default as it would be typed,
-        and the choices of a list of names. ``sets`` and ``chapters``, by name: title, and numbers
-        of fields in the order to show, and a sentence on what the published run takes; a set also
-        numbers in the order in which they are checked, a chapter its sets and the names of the
-        parameters in which they differ. ``here``, what the page computes by itself, as
-        :func:`thesis_lib.figure_sets.parametric.in_page.page_facts` has it.
+    ``fields`` lists parameters that differ in anything: name, meaning, unit, what is allowed in
+    words and as JSON schema, how a refusal ends, and the default as it would be typed. ``sets`` and
+    ``chapters`` have by name a title, numbers of fields in the order to show, and a sentence on
+    what the published run takes; a set also numbers in the order in which they are checked, a
+    chapter its sets and the names of the parameters in which they differ. ``here`` is what the page
+    computes by itself, :func:`thesis_lib.figure_sets.parametric.in_page.page_facts`.
     """
     fields: list[dict[str, Any]] = []
     sets: dict[str, dict[str, Any]] = {}

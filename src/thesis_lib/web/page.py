@@ -3,7 +3,6 @@
 It is for a single run; the book is rendered by :mod:`thesis_lib.book.rendering`.
 """
 
-import json
 import re
 import threading
 from collections.abc import Mapping, Sequence
@@ -17,8 +16,7 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 
-from thesis_lib.files import sha256, workplace
-from thesis_lib.text import aside
+from thesis_lib.files import workplace
 from thesis_lib.web.html import render_html
 
 MATHJAX_PATH = "mathjax/tex-svg-full.js"
@@ -28,8 +26,6 @@ NPM_PACKAGES = {
     "minisearch": ("dist/umd/index.js", "LICENSE.txt"),
 }
 """What pages need of each package; it stands in the folder of the package's name."""
-INSTALLED_RECORD = ".installed.json"
-"""Record of what was installed there."""
 
 _MIME_ORDER = [
     "text/html", "image/svg+xml", "image/png", "image/jpeg", "image/gif", "text/markdown",
@@ -51,20 +47,11 @@ def export_notebook(notebook: Path, title: str) -> str:
     ``remove-cell``, and ``mystnb`` metadata: ``figure.name``, ``figure.caption`` and ``image.alt``.
     The page holds MathJax if the notebook has equations and the assets are installed in
     ``build/assets`` of the project; otherwise equations stay as TeX.
-
-    Raises
-    ------
-    BookError
-        If the notebook cannot be read.
     """
     from nbconvert import HTMLExporter  # takes a second to import
     from traitlets.config import Config
 
-    try:
-        executed = nbformat.read(notebook, as_version=4)
-    except (OSError, ValueError, AttributeError) as error:
-        reason = str(error).splitlines() or [type(error).__name__]
-        raise BookError(f"cannot read the notebook {notebook}: {reason[0]}") from error
+    executed = nbformat.read(notebook, as_version=4)
     exporter = HTMLExporter(
         template_name="notebook",
         extra_template_basedirs=[str(_TEMPLATE_FOLDER)],
@@ -76,12 +63,10 @@ def export_notebook(notebook: Path, title: str) -> str:
     )
     body, _ = exporter.from_notebook_node(executed)
     mathjax = mathjax_path()
+    script = ""
     if 'class="math ' in body and mathjax.is_file():
-        if not (damage := find_damaged_asset(mathjax.parents[1])):
-            script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
-            return _frame_page(title, body, script)
-        aside(f"{damage}; equations stay as TeX until `thesis book` installs it again")
-    return _frame_page(title, body)
+        script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
+    return _frame_page(title, body, script)
 
 
 def _frame_page(title: str, body: str, mathjax: str = "") -> str:
@@ -92,23 +77,6 @@ def _frame_page(title: str, body: str, mathjax: str = "") -> str:
 def mathjax_path() -> Path:
     """Return where MathJax is once a book was rendered."""
     return workplace() / "build" / "assets" / MATHJAX_PATH
-
-
-def find_damaged_asset(assets: Path) -> str:
-    """Return what is damaged in a folder of installed assets, or nothing."""
-    for name, digest in read_installed_assets(assets)["files"].items():
-        if sha256(assets / name) != digest:
-            return f"{assets / name} is not what was installed"
-    return ""
-
-
-def read_installed_assets(assets: Path) -> dict[str, Any]:
-    """Return what is installed in a folder: the digest of the lock, and that of each file."""
-    try:
-        found = json.loads((assets / INSTALLED_RECORD).read_text(encoding="utf-8"))
-        return {"lock": str(found["lock"]), "files": dict(found["files"])}
-    except (OSError, ValueError, LookupError, TypeError):
-        return {"lock": "", "files": {}}
 
 
 def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:

@@ -8,7 +8,6 @@ import traitlets
 
 from thesis_lib.web import html
 
-_VIEWER_SCRIPT = html.join_modules("viewer", *html.VIEWER_KINDS)
 FORM_CSS = html.VIEWER_CSS + html.read_asset("rerun.css")
 
 
@@ -26,53 +25,42 @@ class Viewer(anywidget.AnyWidget):
         The study, JSON-serialisable; a number that does not exist is None or NaN. Keys:
 
         ``structure``
-            ``{"kind": "beam", "length_mm": 623, "width_mm": 30}``, clamped at −X; the kind may also
-            be ``plate`` or ``sound`` (of a plate), which differ as said below. A plate that is no
-            rectangle has ``contours_mm``, closed curves [[X, Y], …] about the box's centre: the
-            outline, then holes the other way round.
+            ``{"kind": "beam", "plate" or "sound" (of a plate), "length_mm": 623, "width_mm": 30}``,
+            clamped at −X. A plate that is no rectangle has ``contours_mm``, closed curves [[X, Y],
+            …] about the box's centre: the outline, then holes the other way round.
         ``parameter``
             The varied one: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A name
             that begins with aperture, distance or width is drawn into the camera sketch.
         ``words``
-            What the key says: ``{"draws": what differs from trial to trial, "predicts": what
-            ``predicted`` stands for}``.
+            ``{"draws": what differs from trial to trial, "predicts": what ``predicted`` means}``.
         ``x_mm``, ``colors``
             Lists: marker positions from the clamp; a hexadecimal colour per setting of a case.
         ``modes``
             List of ``{"mode": 1, "frequency_hz": 6.31, "reference_mm": [one per marker]}``.
         ``cases``
-            List of ``{"name": "2a", "title": str, "figures": {"1": "3.7"}, "settings": […]}``;
-            ``figures`` maps a mode to the figure of the thesis. A setting is ``{"label": "16°",
-            "value": 16, "cameras": [[distance_mm, azimuth_deg, elevation_deg]], "resolution":
-            [320, 180], "in_view": share of marker images on the sensor, "modes": [one per mode]}``,
-            and each of its modes ``{"measured_mm": [one per marker], "point_error": [one per
-            marker], "mean", "median", "low", "high", "predicted", "stated": None | [low, high]}``:
-            errors in percent of the largest reference deflection, ``mean`` of trial 0, ``low`` and
-            ``high`` the 5 and 95 % quantiles; an end of ``stated`` is None where it is open.
+            List of ``{"name": "2a", "title": str, "figures": {"1": figure of the thesis, by mode},
+            "settings": […]}``. A setting is ``{"label": "16°", "value": 16, "cameras":
+            [[distance_mm, azimuth_deg, elevation_deg]], "resolution": [320, 180], "in_view": share
+            of marker images on the sensor, "modes": [one per mode]}``, and each of its modes
+            ``{"measured_mm": [one per marker], "point_error": [one per marker], "mean", "median",
+            "low", "high", "predicted", "stated": None | [low, high]}``: errors in percent of the
+            largest reference deflection, ``mean`` of trial 0, ``low`` and ``high`` the 5 and 95 %
+            quantiles; an end of ``stated`` is None where it is open.
 
         Only a plate has ``grid``, ``[15, 10]`` markers along X and Y; its ``x_mm`` and ``y_mm`` are
         the coordinates of the columns and rows from the plate's corner, and a list with one entry
         per marker runs along X first. ``point_error`` may be missing. Plate and sound have
         ``colormap``, hexadecimal colours from −max to max, the middle one for 0.
 
-        A sound study has no ``x_mm``, ``reference_mm``, ``measured_mm`` and ``point_error``, but:
-
-        ``planes``
-            List of ``{"name": "XZ" | "YZ", "u_mm": [min, max], "z_mm": [min, max], "shape": [nu,
-            nz]}``; u is X or Y from the plate's centre, the outermost points lie at min and max.
-        ``pressure_unit``, ``nodal_note``
-            The unit for the colour bar; the words for a plane without reference pressure.
-        ``modes[…]["fields"]``
-            The ideal field, ``{"XZ": F, "YZ": F}`` without nodal planes, where F is ``{"scale":
-            Pa per 127, "re": base64 of int8, "im": …}`` with the index ``iu * nz + iz``; drawn is
-            Re(p e^{jωt}).
-        ``cases[…]["extremes"]``
-            ``{"1": {"best": {"index": i, "fields": {"XZ": F, "YZ": F}}, "worst": …}}``, by mode:
-            the settings with the least and the largest mean error of the deflection, and what
-            their fields differ by from the ideal one.
-        ``cases[…]["settings"][…]["modes"][…]``
-            ``{"planes": {"XZ": E, "YZ": E}, "deflection": {"mean": 3.1}}``, where E has ``mean`` to
-            ``stated`` as above, or is None on a nodal plane.
+        A sound study has no ``x_mm``, ``reference_mm``, ``measured_mm`` and ``point_error``, but
+        ``planes``, a list of ``{"name": "XZ" | "YZ", "u_mm": [min, max], "z_mm": [min, max],
+        "shape": [nu, nz]}``, where u is X or Y from the plate's centre; ``pressure_unit``; and
+        ``nodal_note``, the words for a plane without reference pressure. Its modes have ``fields``,
+        ideal ones by plane: ``{"scale": Pa per 127, "re": base64 of int8, "im": …}`` with the index
+        ``iu * nz + iz``; drawn is Re(p e^{jωt}). Its cases have ``extremes``, by mode ``{"best":
+        {"index": i, "fields": …}, "worst": …}``, the settings with the least and the largest error
+        of the deflection and what their fields differ by; modes of its settings have ``planes``,
+        ``mean`` to ``stated`` by plane or None on a nodal one, and ``deflection``.
 
         Only a study whose cameras have ideal lenses and whole pixels has ``lens``,
         ``{"focal_length_mm", "sensor_width_mm", "principal_offset_px"}``; beside the cameras the
@@ -86,7 +74,7 @@ class Viewer(anywidget.AnyWidget):
         :func:`thesis_lib.notebook.show.form_of`.
     """
 
-    _esm = _VIEWER_SCRIPT
+    _esm = html.join_modules("viewer", *html.VIEWER_KINDS)
     _css = html.VIEWER_CSS
     data = traitlets.Dict().tag(sync=True)
     case = traitlets.Unicode().tag(sync=True)
@@ -104,11 +92,10 @@ class Viewer(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        kind = self.data.get("structure", {}).get("kind")
-        known = kind in html.VIEWER_KINDS
-        esm, css = html.join_modules("viewer", kind) if known else _VIEWER_SCRIPT, html.VIEWER_CSS
+        kind = self.data["structure"]["kind"]
+        esm, css = html.join_modules("viewer", kind), html.VIEWER_CSS
         state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
-        if self.form and known:
+        if self.form:
             esm, css, state["form"] = html.join_modules("rerun", kind), FORM_CSS, self.form
         page = html.static_html(esm, css, state)
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

@@ -52,17 +52,12 @@ def compare_contenders(run: Row) -> list[dict[str, Any]]:
     """
     rows = []
     for row in run["triangulation"]:
-        same = [
-            one
-            for one in run["triangulation"]
-            if (one["cameras"], one["refined"]) == (row["cameras"], row["refined"])
-        ]
-        peers = [one for one in same if one["package"]]
-        peer = max(peers, key=median_rate, default=None)
+        problem = row["cameras"], row["refined"]
+        same = [r for r in run["triangulation"] if (r["cameras"], r["refined"]) == problem]
+        peer = max((one for one in same if one["package"]), key=median_rate, default=None)
         ceres = next((one for one in same if row["refined"] and one["name"] == CERES_ROW), None)
-        rate = median_rate(row)
         values = {
-            "rate": rate,
+            "rate": (rate := median_rate(row)),
             "to_peer": peer and median_ratio(row["rates"], peer["rates"]),
             "to_ceres": ceres and median_ratio(row["rates"], ceres["rates"]),
             "share": rate / row["limit"] if row["name"] == OWN_ROW else None,
@@ -71,15 +66,11 @@ def compare_contenders(run: Row) -> list[dict[str, Any]]:
     return rows
 
 
-def compare_targets(run: Row) -> list[dict[str, Any]]:
+def compare_targets(run: Row) -> list[tuple[Any, ...]]:
     """Compare the library with what was aimed at, for each number of cameras."""
     own = {(r["cameras"], r["refined"]): r for r in compare_contenders(run) if r["name"] == OWN_ROW}
     return [
-        {
-            "cameras": n,
-            "linear": own.get((n, False), {}).get("to_peer"),
-            "refined": own.get((n, True), {}).get("to_ceres"),
-        }
+        (n, own.get((n, False), {}).get("to_peer"), own.get((n, True), {}).get("to_ceres"))
         for n in sorted({row["cameras"] for row in run["triangulation"]})
     ]
 

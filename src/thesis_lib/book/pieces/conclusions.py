@@ -47,23 +47,16 @@ def tabulate_factor(name: str, opened: Cubes) -> str:
     )
 
 
-def _find_optimum(opened: Cubes) -> dict[str, Any] | None:
+def _find_optimum(opened: Cubes) -> dict[str, Any]:
     """Find the best elevation in the laboratory, and the elevations that are too low."""
-    if (cube := opened.get("lab-elevation")) is None:
-        return None
+    cube = opened["lab-elevation"]
     elevations = selection.select_settings(cube, "three-rows", 1)["value"].values
     error = selection.error_bars(cube, "three-rows", 1).band[1]
     best, steepest = int(np.nanargmin(error)), int(np.argmax(elevations))
     lowest = int(np.flatnonzero(np.isfinite(error))[0])
-    return {
-        "best": elevations[best],
-        "error": error[best],
-        "steepest": elevations[steepest],
-        "lowest": elevations[lowest],
-        "to_steepest": error[best] / error[steepest],
-        "to_least": error[lowest] / error[best],
-        "lost": elevations[np.isnan(error)].tolist(),
-    }
+    ends = {"best": best, "steepest": steepest, "lowest": lowest}
+    found = {name: {"at": elevations[i], "error": error[i]} for name, i in ends.items()}
+    return found | {"lost": elevations[np.isnan(error)].tolist()}
 
 
 def _list_trends(opened: Cubes) -> list[ledger.Entry]:
@@ -80,12 +73,12 @@ def count_trends(opened: Cubes) -> str:
     """Count the trends that the thesis states of each factor, by the verdict of the ledger."""
     entries = _list_trends(opened)
     parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
-    parts: dict[str, list[ledger.Entry]] = {one.conclusion: [] for one in factors.FACTORS.values()}
-    parts["anything else"] = []
-    for entry in entries:
-        of = parameter.get(entry.id, "")
-        named = (one.conclusion for one in factors.FACTORS.values() if of.startswith(one.parameter))
-        parts[next(named, "anything else")].append(entry)
+    parts: dict[str, list[ledger.Entry]] = {}
+    left = entries
+    for one in factors.FACTORS.values():
+        parts[one.conclusion] = [e for e in left if parameter[e.id].startswith(one.parameter)]
+        left = [entry for entry in left if entry not in parts[one.conclusion]]
+    parts["anything else"] = left
     wider = factors.FACTORS["wider"].conclusion
     return render(
         __file__,
@@ -100,10 +93,9 @@ def count_trends(opened: Cubes) -> str:
 
 
 def _read_sound_studies(opened: Cubes) -> list[tuple[str, xr.Dataset]]:
-    """Return label and cube of the studies of the sound whose cubes are there, random trials."""
+    """Return label and cube of the studies of the sound, random trials alone."""
     names = [f"sound-{study}" for study in ("distance", "aperture", "resolution", "arrays")]
-    found = [(STUDIES[name].varied_label, opened.get(name)) for name in names]
-    return [(word, cube.isel(trial=slice(1, None))) for word, cube in found if cube is not None]
+    return [(STUDIES[name].varied_label, opened[name].isel(trial=slice(1, None))) for name in names]
 
 
 def correlate_sound(opened: Cubes) -> str:
@@ -135,29 +127,24 @@ def correlate_sound(opened: Cubes) -> str:
 
 def tabulate_sound_errors(opened: Cubes) -> str:
     """Tabulate how large the errors of the sound are: median, and largest 95 % quantile."""
-    rows = [
-        {
-            "varied": varied,
-            "shape": cube["deflection_error"].median(),
-            "sound": cube["plane_error"].median(),
-            "largest": cube["plane_error"].quantile(0.95, "trial", skipna=False).max(),
-            "below": (cube["plane_error"] < 10).sum() / cube["plane_error"].count(),
-        }
-        for varied, cube in _read_sound_studies(opened)
-    ]
+    rows = []
+    for varied, cube in _read_sound_studies(opened):
+        shape, sound = cube["deflection_error"], cube["plane_error"]
+        largest = sound.quantile(0.95, "trial", skipna=False).max()
+        below = (sound < 10).sum() / sound.count()
+        rows.append((varied, shape.median(), sound.median(), largest, below))
     return render(__file__, "conclusions-small", rows=rows)
 
 
 def tabulate_experiment(opened: Cubes) -> str:
     """Tabulate what the thesis's experiment confirms, by the method of finding centres."""
     rows = []
-    for name, factor in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
-        if (cube := opened.get(name)) is None:
-            continue
+    for name, key in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
+        cube, factor = opened[name], factors.FACTORS[key]
         for case in selection.list_cases(cube):
             if case.endswith("-all"):  # sets of cameras that do not grow
                 continue
-            alone = replace(factors.FACTORS[factor], sources=((case, name, (case,)),))
+            alone = replace(factor, sources=((case, name, (case,)),))
             (effect,) = factors.estimate_effects(opened, alone)
             part = selection.select_settings(cube, case, 1)
             labels = part["label"].values
@@ -170,16 +157,9 @@ def tabulate_experiment(opened: Cubes) -> str:
                 "the opposite": effect.opposite,
                 verdicts.UNCHANGED: effect.unchanged,
             }
-            row = {
-                "conclusion": factors.FACTORS[factor].conclusion,
-                "case": case,
-                "labels": labels,
-                "medians": part["mean_error"].isel(trial=slice(1, None)).median("trial").values,
-                "effect": effect,
-                "claimed": claimed if len(claimed) == 2 else [],
-                "holds": next((word for word, n in against.items() if n), "not told apart"),
-            }
-            rows.append(row)
+            medians = part["mean_error"].isel(trial=slice(1, None)).median("trial").values
+            holds = next((word for word, n in against.items() if n), "not told apart")
+            rows.append((factor.conclusion, effect, labels, medians, claimed, holds))
     return render(__file__, "conclusions-experiment", rows=rows)
 
 
@@ -199,7 +179,7 @@ def tabulate_costs(opened: Cubes) -> str:
                     selection.select_settings(opened[of], case, 1).sortby("value")["in_view"][end]
                 )
                 for group, of, cases in factor.sources
-                if group == one.group and of in opened
+                if group == one.group
                 for case in cases or selection.list_cases(opened[of])
             ]
             pixels = {"finer": (halving or 0) ** 2, "more": halving}.get(name)
@@ -259,24 +239,42 @@ def _predict_error(
 
 def tabulate_equal_pixels(_: Cubes) -> str:
     """Tabulate arrays and pairs at equal pixels."""
-    found = list(equal_pixels())
-    summary = {
-        "worse": [one for one in found if one.ratio > 1 + trends.MIN_MATERIAL_FALL],
-        "better": sum(one.ratio < 1 - trends.MIN_MATERIAL_FALL for one in found),
-        "material": trends.MIN_MATERIAL_FALL,
-        "median": np.median([one.ratio for one in found]),
-    }
-    return render(__file__, "conclusions-pixels", found=found, **summary)
+    found, material = list(equal_pixels()), trends.MIN_MATERIAL_FALL
+    return render(
+        __file__,
+        "conclusions-pixels",
+        found=found,
+        worse=[one for one in found if one.ratio > 1 + material],
+        better=sum(one.ratio < 1 - material for one in found),
+        material=material,
+        median=np.median([one.ratio for one in found]),
+    )
 
 
 def tabulate_wishes(opened: Cubes) -> str:
     """Tabulate what came of the wishes of sections 5.3 and 7.1, in a number each."""
-    values = {
-        name: None if (cube := opened.get(of)) is None else compute(cube)
-        for name, (of, compute) in WISHES.items()
-    }
-    values |= {"elevations": _find_optimum(opened), "median": np.nanmedian}
-    return render(__file__, "conclusions-wishes", **values)
+    layouts, plate = opened["lab-layout"], opened["lab-plate"]
+    coarse = opened["lab-equal-pixels"]
+    judged = ledger.from_cube(opened["claims"])
+    return render(
+        __file__,
+        "conclusions-wishes",
+        distances=_case_errors(layouts, "distance"),
+        apertures=_case_errors(layouts, "aperture"),
+        sets=_case_errors(layouts, "subsets"),
+        elevations=_find_optimum(opened),
+        pairs=_case_errors(opened["experiment-cameras"], "literal-all"),
+        coarse=[
+            selection.select_settings(coarse, case, 1).isel(setting=-1)
+            for case in selection.list_cases(coarse)
+        ],
+        modes=_read_modes(opened["lab-modes"]),
+        plate=_change_ratios(plate, factors.MEAN_ERRORS),
+        plate_sound=_change_ratios(plate, factors.PLANE_ERRORS),
+        ledger=next(entry for entry in judged if entry.id == "ch3-concluding-t8"),
+        shape=_case_errors(opened["shape-l"], "4e"),
+        median=np.nanmedian,
+    )
 
 
 def _case_errors(cube: xr.Dataset, case: str) -> list[dict[str, Any]]:
@@ -286,13 +284,6 @@ def _case_errors(cube: xr.Dataset, case: str) -> list[dict[str, Any]]:
     return [
         {"label": label, "n_cameras": n_cameras, "error": median}
         for label, n_cameras, median in zip(*columns, strict=True)
-    ]
-
-
-def _last_settings(cube: xr.Dataset) -> list[xr.Dataset]:
-    return [
-        selection.select_settings(cube, case, 1).isel(setting=-1)
-        for case in selection.list_cases(cube)
     ]
 
 
@@ -321,25 +312,6 @@ def _change_ratios(cube: xr.Dataset, quantities: tuple[str, ...]) -> list[tuple[
         ratios = [band[-1] / band[0] for band in bands if np.isfinite(band).all()]
         found.append((case, float(np.median(ratios))))
     return found
-
-
-def _symmetry_entry(cube: xr.Dataset) -> ledger.Entry:
-    return next(e for e in ledger.from_cube(cube) if e.id == "ch3-concluding-t8")
-
-
-WISHES: dict[str, tuple[str, Callable[[xr.Dataset], Any]]] = {
-    "distances": ("lab-layout", partial(_case_errors, case="distance")),
-    "apertures": ("lab-layout", partial(_case_errors, case="aperture")),
-    "pairs": ("experiment-cameras", partial(_case_errors, case="literal-all")),
-    "sets": ("lab-layout", partial(_case_errors, case="subsets")),
-    "coarse": ("lab-equal-pixels", _last_settings),
-    "modes": ("lab-modes", _read_modes),
-    "plate": ("lab-plate", partial(_change_ratios, quantities=factors.MEAN_ERRORS)),
-    "plate_sound": ("lab-plate", partial(_change_ratios, quantities=factors.PLANE_ERRORS)),
-    "ledger": ("claims", _symmetry_entry),
-    "shape": ("shape-l", partial(_case_errors, case="4e")),
-}
-"""By its name in the table: the figure set that answers a wish, and what reads its cube."""
 
 
 PIECES: dict[str, Callable[[Cubes], str]] = {

@@ -84,11 +84,9 @@ class Curve(verdicts.Series):
 
 
 def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
-    """Read all errors over one factor; cubes that are missing are left out, and nodal planes."""
+    """Read all errors over one factor, without nodal planes."""
     for group, name, cases in factor.sources:
-        if (whole := opened.get(name)) is None:
-            continue
-        cube = whole.drop_dims("point", errors="ignore")  # to select from, too
+        cube = opened[name].drop_dims("point", errors="ignore")  # to select from, too
         quantities = PLANE_ERRORS if group.startswith("sound") else MEAN_ERRORS
         of = product(cases or selection.list_cases(cube), cube["mode"].values.tolist())
         for case, mode in of:
@@ -166,12 +164,10 @@ class Effect:
 
 
 def estimate_effects(opened: Cubes, factor: Factor) -> list[Effect]:
-    """Estimate one :class:`Effect` for each group that the cubes have.
+    """Estimate one :class:`Effect` for each group.
 
     Cubes that remember what is derived of them (`derived`) are asked once for each factor.
     """
-    for _, name, *_ in factor.sources:
-        opened.get(name)  # counts as wanted if it is missing, also where the answer is remembered
     remembered: dict[Factor, list[Effect]] = getattr(opened, "derived", {})
     if factor not in remembered:
         by: dict[str, list[Curve]] = {}
@@ -262,5 +258,5 @@ def draw_summary(opened: Cubes) -> Figure:
 
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
-    """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
+    """Draw the figure of the cubes `made` into a folder."""
     files.whole_text(folder / FIGURE_FILE, style.figure_svg(draw_summary(Opened(made))))

@@ -46,14 +46,12 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
     scatters = []  # of centres, that would give what the thesis states of a first setting
     for cube in chapter if subject == "experiment" else ():
         if claim := selection.claimed_errors(cube, "matched", 1)[0]:
-            by = {
-                method: selection.select_settings(cube, method, 1).isel(setting=0)
+            matched, fitted = (
+                selection.select_settings(cube, method, 1).isel(setting=0)
                 for method in ("matched", "literal")
-            }
-            scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
-            wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
-            label = by["literal"]["label"].item()
-            scatters.append(scatter | {"wanted": wanted, "stated": claim.stated, "label": label})
+            )
+            wanted = fitted["centre_scatter"] * claim.high / fitted["predicted_error"]
+            scatters.append((claim, matched, fitted, wanted))
     return render(
         __file__,
         "chapter",
@@ -86,10 +84,9 @@ def _compare_extremes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
                 if not np.isnan(bars.literal).all():
                     title = f"mode {mode}" + (f", {bars.name}" if bars.name else "")
                     cells[title] = bars.band[1][[0, -1]]
-            first, last = (str(labels[i]).removesuffix(" cameras") for i in (0, -1))
+            ends = [str(labels[i]).removesuffix(" cameras") for i in (0, -1)]
             varied = STUDIES[cube.attrs["figure_set"]].varied_label
-            row = {"case": case, "varied": varied, "first": first, "last": last, "cells": cells}
-            rows.append(row)
+            rows.append({"case": case, "varied": varied, "ends": ends, "cells": cells})
     rows.sort(key=lambda row: row["case"] if row["case"][0].isdigit() else "")  # others stay
     return rows
 
@@ -172,12 +169,12 @@ def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
 
     The share is a median over cases and modes.
     """
-    own = {name: opened[name] for name, study in STUDIES.items() if study.subject == body}
-    found = {name: factors.estimate_effects(own, of)[0] for name, of in factors.FACTORS.items()}
-    return {
-        name: {"worst": one.ends[0], "best": one.ends[1], "share": float(np.median(one.ratios))}
-        for name, one in found.items()
-    }
+    found = {}
+    for name, factor in factors.FACTORS.items():
+        (one,) = [e for e in factors.estimate_effects(opened, factor) if e.group == body]
+        worst, best = one.ends
+        found[name] = {"worst": worst, "best": best, "share": float(np.median(one.ratios))}
+    return found
 
 
 def law_over_rms(chapter: Sequence[xr.Dataset]) -> Array:
@@ -195,9 +192,8 @@ def error_over_law(chapter: Sequence[xr.Dataset]) -> Array:
 def tabulate_scatter(opened: Cubes) -> str:
     """Tabulate how far the trials' errors of beam and plate lie from the law."""
     rows = [
-        (subject, np.nanquantile(error_over_law(chapter), [0.05, 0.5, 0.95]))
+        (subject, np.nanquantile(error_over_law(of_subject(opened, subject)), [0.05, 0.5, 0.95]))
         for subject in ("beam", "plate")
-        if (chapter := of_subject(opened, subject))  # none in the book of another chapter
     ]
     return render(__file__, "rounding-scatter", rows=rows)
 
@@ -227,13 +223,15 @@ def describe_sound(opened: Cubes) -> str:
     """Describe shape against sound, and the effect of turning two cameras."""
     arrays, aperture = opened["sound-arrays"], opened["sound-aperture"]
     turned = aperture["turned_coherence"]
-    values = {
-        "shape": _trial_median(arrays["deflection_error"]),
-        "field": _trial_median(arrays["plane_error"]),
-        "square": float(turned.sel(turn=0).median()),
-        "askew": float(turned.sel(turn=list(BEST_DEG)).median()),
-    }
-    return render(__file__, "sound-result", advice=turn_advice(aperture), **values)
+    return render(
+        __file__,
+        "sound-result",
+        shape=_trial_median(arrays["deflection_error"]),
+        field=_trial_median(arrays["plane_error"]),
+        square=float(turned.sel(turn=0).median()),
+        askew=float(turned.sel(turn=list(BEST_DEG)).median()),
+        advice=turn_advice(aperture),
+    )
 
 
 def describe_shapes(opened: Cubes) -> str:
@@ -262,8 +260,9 @@ def tabulate_advice(opened: Cubes) -> str:
         factor.advice: {one.group: one for one in factors.estimate_effects(opened, factor)}
         for factor in factors.FACTORS.values()
     }
-    groups = [group for group in FINDING_GROUPS if any(group in by for by in rows.values())]
-    return render(__file__, "conclusions-result", rows=rows, groups=groups, median=np.median)
+    return render(
+        __file__, "conclusions-result", rows=rows, groups=FINDING_GROUPS, median=np.median
+    )
 
 
 def list_findings(opened: Cubes) -> str:
@@ -310,7 +309,8 @@ def _trial_median(errors: xr.DataArray) -> float:
     return float(errors.isel(trial=slice(1, None)).median())
 
 
-RESULT_PIECES: dict[str, Callable[[Cubes], str]] = {
+PIECES: dict[str, Callable[[Cubes], str]] = {
+    # The end of each chapter: two or three sentences, or a table
     "beam-result": partial(describe_body, "beam"),
     "plate-result": partial(describe_body, "plate"),
     "laboratory-result": describe_laboratory,
@@ -318,15 +318,12 @@ RESULT_PIECES: dict[str, Callable[[Cubes], str]] = {
     "shapes-result": describe_shapes,
     "planner-result": describe_planner,
     "conclusions-result": tabulate_advice,
-}
-"""The end of each chapter: two or three sentences, or a table."""
-PIECES: dict[str, Callable[[Cubes], str]] = {
+    # Other sentences and tables
     "home-findings": list_findings,
     **{
         f"{subject}-results": partial(describe_chapter, subject)
         for subject in ("beam", "plate", "sound", "experiment")
     },
-    **RESULT_PIECES,
     "lab-repeats": describe_repeats,
     "sound-scatter": tabulate_sound_scatter,
     "rounding-scatter": tabulate_scatter,

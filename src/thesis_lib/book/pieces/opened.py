@@ -10,7 +10,7 @@ page includes ``executed/provenance-SET.md``, too.
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -55,8 +55,6 @@ def build_failure_page(source: Path, name: str, reason: str) -> Any:
             place = figure_cell(f"{cell.id}-{number}", mystnb=words)
             place.outputs = [nbformat.v4.new_output("display_data", {"image/svg+xml": image})]
             cells.append(place)
-    if not cells or not cells[0].source.startswith("# "):
-        cells.insert(0, nbformat.v4.new_markdown_cell(f"# {name}", id=f"{name}-title"))
     cells.insert(1, nbformat.v4.new_markdown_cell(warning, id=f"{name}-missing"))
     return nbformat.v4.new_notebook(cells=cells, metadata=given.metadata)
 
@@ -82,10 +80,13 @@ def _draw_placeholder() -> str:
 Cubes = Mapping[str, xr.Dataset]
 
 
+class MissingCubeError(KeyError):
+    """A cube that a piece asks for and that is not there; it holds the name of the figure set."""
+
+
 def of_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
-    """Return the cubes of a subject, such as ``beam``; those that are missing count as wanted."""
-    found = [opened.get(name) for name, study in STUDIES.items() if study.subject == subject]
-    return [cube for cube in found if cube is not None]
+    """Return the cubes of a subject, such as ``beam``."""
+    return [opened[name] for name, study in STUDIES.items() if study.subject == subject]
 
 
 def read_once(path: Path) -> xr.Dataset:
@@ -98,29 +99,19 @@ def _read_cube(path: Path, _changed: int) -> xr.Dataset:
     return cube_file.read_cube(path)
 
 
-class Opened(Mapping[str, xr.Dataset]):
+class Opened(dict[str, xr.Dataset]):
     """Cubes by name, read when they are first asked for."""
 
     def __init__(self, made: Iterable[Path]) -> None:
+        super().__init__()
         self._files = {path.stem: path for path in made}
-        self._read = cache(read_once)
         self.derived: dict[Any, Any] = {}  #: What was computed of them, by what was asked
-        self.wanted = set[str]()  #: Those that a piece has asked for and that are missing
 
-    def __getitem__(self, name: str) -> xr.Dataset:
+    def __missing__(self, name: str) -> xr.Dataset:
         if name not in self._files:
-            self.wanted.add(name)
-            raise KeyError(name)
-        return self._read(self._files[name])
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._files
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._files)
-
-    def __len__(self) -> int:
-        return len(self._files)
+            raise MissingCubeError(name)
+        self[name] = read_once(self._files[name])
+        return self[name]
 
 
 SETS_IN_CHAPTERS = {
@@ -141,19 +132,15 @@ def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder
             shown = [output.get("data", {}) for output in cell.get("outputs", [])]
             drawn = next((one["image/svg+xml"] for one in shown if "image/svg+xml" in one), None)
             if "figure" in about and drawn is not None:
-                found[about["figure"]["name"]] = {
-                    "alt": about.get("image", {}).get("alt", ""),
-                    "set": notebook.stem,
-                    "picture": "".join(drawn),
-                    "caption": about["figure"]["caption"],
-                }
+                found[about["figure"]["name"]] = notebook.stem, about, "".join(drawn)
     for name in wanted:
         picture, words = folder / f"{name}.svg", folder / f"{name}.md"
-        if figure := found.get(name):
-            whole_text(picture, figure["picture"])
-            page = figure["set"] not in SETS_IN_CHAPTERS
-            whole_text(words, render(__file__, "figure", name=name, figure=figure, page=page))
-        else:  # its set is of another chapter, or was run without this mode
+        if name in found:
+            of, about, drawn = found[name]
+            page = of not in SETS_IN_CHAPTERS
+            whole_text(picture, drawn)
+            whole_text(words, render(__file__, "figure", **about, figure_set=of, page=page))
+        else:  # its set was run without this mode
             write_placeholder(picture, name)
             write_placeholder(words, name)
 

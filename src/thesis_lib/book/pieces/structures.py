@@ -55,18 +55,14 @@ def show_plan(_: Cubes) -> str:
 
 def tabulate_modes(structure: structures.Structure, unit: str, scale: float) -> str:
     """Tabulate what sections 3.1 and 4.1 assume of a structure, mode by mode."""
-    resonances = {mode: structures.resonance_frequency(structure, mode) for mode in EXAMPLE_MODES}
-    modes = [
-        {
-            "number": mode,
-            "hertz": structure.angular_frequencies(mode)[-1] / (2 * np.pi),
-            "peak": structures.peak_deflection(structure, mode),
-            "overlap": structures.modal_overlap(structure, omega),
-            "distance": structures.single_mode_distance(structure, mode),
-        }
-        for mode, omega in resonances.items()
-    ]
-    return render(__file__, "structure-model", modes=modes, unit=unit, scale=scale)
+    rows = []
+    for mode in EXAMPLE_MODES:
+        hertz = structure.angular_frequencies(mode)[-1] / (2 * np.pi)
+        peak = structures.peak_deflection(structure, mode) * scale
+        omega = structures.resonance_frequency(structure, mode)
+        overlap = structures.modal_overlap(structure, omega)
+        rows.append((mode, hertz, peak, overlap, structures.single_mode_distance(structure, mode)))
+    return render(__file__, "structure-model", rows=rows, unit=unit)
 
 
 def describe_beam_cameras(_: Cubes) -> str:
@@ -106,7 +102,7 @@ def tabulate_levels(_: Cubes) -> str:
     """Tabulate levels of a force of 1 N, and what the 10 mm of the study would mean."""
     request, plate = camera_study("sound-distance"), setups.thesis_plate()
     parts = planes.plate_pistons(plate)
-    modes = []
+    rows = []
     for mode in EXAMPLE_MODES:
         omega = structures.resonance_frequency(plate, mode)
         peak = structures.peak_deflection(plate, mode)
@@ -117,16 +113,12 @@ def tabulate_levels(_: Cubes) -> str:
             for plane in request.planes  # type: ignore[attr-defined]
         )
         of_study, level = request.peaks_m[mode - 1], float(radiation.pressure_level(largest))
-        values = {
-            "number": mode,
-            "efficiency": radiation.radiation_efficiency(parts, velocity, omega),
-            "power_db": radiation.power_level(radiation.sound_power(parts, velocity, omega)),
-            "pressure_db": level,
-            "study_db": level + 20 * np.log10(of_study / peak),
-            "acceleration_g": omega**2 * of_study / GRAVITY,
-        }
-        modes.append(values)
-    return render(__file__, "sound-levels", modes=modes, peak_mm=1000 * request.peaks_m[0])
+        efficiency = radiation.radiation_efficiency(parts, velocity, omega)
+        power_db = radiation.power_level(radiation.sound_power(parts, velocity, omega))
+        study_db = level + 20 * np.log10(of_study / peak)
+        acceleration_g = omega**2 * of_study / GRAVITY
+        rows.append((mode, efficiency, power_db, level, study_db, acceleration_g))
+    return render(__file__, "sound-levels", rows=rows, peak_mm=1000 * request.peaks_m[0])
 
 
 def tabulate_costs(_: Cubes) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from thesis_lib import files
 from thesis_lib.book.pieces import conclusions, findings, structures
-from thesis_lib.book.pieces.opened import Cubes, Opened
+from thesis_lib.book.pieces.opened import Cubes, MissingCubeError, Opened
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.parametric import figures as shape_figures, sound
 
@@ -14,22 +14,16 @@ from thesis_lib.figure_sets.parametric import figures as shape_figures, sound
 def write_pieces(made: Sequence[Path], folder: Path, names: Iterable[str] | None = None) -> None:
     """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by their `names`.
 
-    Pieces that need figure sets without a cube say that these are missing.
+    In place of a piece that needs a figure set without a cube stands that this one did not run.
     """
     opened = Opened(made)
     for name in PIECES if names is None else names:
-        opened.wanted.clear()
-        texts = []
         try:
-            texts.append(PIECES[name](opened))
-        except Exception:
-            if not opened.wanted:
-                raise
-        if opened.wanted:
-            sets = ", ".join(f"`{wanted}`" for wanted in sorted(opened.wanted))
-            missing = f"Missing here, since it did not run: {sets}."
-            texts.append(f"*{missing} `thesis book` adds it once it does.*\n")
-        files.whole_text(folder / f"{name}.md", "\n\n".join(filter(None, texts)))
+            text = PIECES[name](opened)
+        except MissingCubeError as error:
+            missing = f"Missing here, since it did not run: `{error.args[0]}`."
+            text = f"*{missing} `thesis book` adds it once it does.*\n"
+        files.whole_text(folder / f"{name}.md", text)
 
 
 FIRST_AND_LAST = ("projections", "focus", "stereo")  # a chapter shows these distances of them
@@ -55,11 +49,6 @@ def _fill_piece(figure_set: str, text: str, opened: Cubes) -> str:
     return display.fill_text(opened[figure_set], text, *[True] * (text in FIRST_AND_LAST))
 
 
-OWN_PIECES: dict[str, dict[str, Callable[[Cubes], str]]] = {
-    of: {f"{of}-{text}": partial(_fill_piece, of, text) for text in texts}
-    for of, texts in CUBE_TEXTS.items()
-}
-"""By figure set: the pieces that are filled in from its cube alone."""
 OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conclusions-wishes")
 """Those that read the cube of the ledger, which comes after all others."""
 OF_NO_CUBE = ("planner-example", "shapes-convergence", "sound-markers", "beam-model", "plate-model")
@@ -69,7 +58,11 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_figures.PIECES,
     **findings.PIECES,
     **structures.PIECES,
-    **{name: piece for own in OWN_PIECES.values() for name, piece in own.items()},
+    **{
+        f"{of}-{text}": partial(_fill_piece, of, text)
+        for of, texts in CUBE_TEXTS.items()
+        for text in texts
+    },
     "sound-sum": sound.compare_sums,
     **conclusions.PIECES,
 }
