@@ -1,6 +1,6 @@
 // A request of chapter 3 or 4 computed in the page: its settings, as in facts/setups.py, refusals
 // beyond bounds, in the words of figure_sets/parametric, and the viewer's data from the results of
-// a worker. Values are as in request.js: whole numbers are BigInt, objects are Maps.
+// a worker.
 import { isNumber, show } from "./parts.js";
 import { MOST_CAMERAS } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
@@ -27,24 +27,24 @@ const SETTINGS = {
     return opened.map(([alpha, ...cameras]) =>
       ({ case: name, value: alpha, label: `${formatGeneral(alpha)}°`, cameras }));
   }),
-  resolution: (v) => v.widths_px.map(Number).map((width) => {
+  resolution: (v) => v.widths_px.map((width) => {
     const size = [width, rint((width * 9) / 16)];
     return { case: "3", value: width, label: size.join("×"), cameras: pairOf(v), size };
   }),
   arrays: (v, { pairs, order: usual }) => {
     const grown = v.cases.map((name) => {
-      const order = v.pair_order.get(name) ?? usual[name] ?? "printed";
+      const order = v.pair_order[name] ?? usual[name] ?? "printed";
       const ordered = order === "reversed" ? pairs[name].toReversed() : pairs[name];
       return [name, order, ordered.map((_, n) => ordered.slice(0, n + 1).flat())];
     });
-    const own = [...v.layouts].map(([name, sets]) => [name, "", sets]);
+    const own = Object.entries(v.layouts).map(([name, sets]) => [name, "", sets]);
     return [...grown, ...own].flatMap(([name, order, sets]) => sets.map((cameras) => ({
       case: name, value: cameras.length, label: `${cameras.length} cameras`, cameras, order,
     })));
   },
 };
 function peaksOf({ amplitude_mm: given, modes }, { peaks }) { // in m
-  if (given === "force") return modes.map((mode) => Number(peaks[Number(mode) - 1]));
+  if (given === "force") return modes.map((mode) => Number(peaks[mode - 1]));
   return modes.map((_, i) => (Array.isArray(given) ? given[i] : given) / 1000);
 }
 
@@ -67,17 +67,17 @@ function findProblem(values, settings, peaks, facts, { length, width }) {
   for (const one of settings) {
     const same = findCoincident(one);
     if (!same) continue;
-    const field = layouts?.has(one.case) ? "layouts" : same[0][1] < 90 ? "azimuth_deg"
+    const field = layouts && Object.hasOwn(layouts, one.case) ? "layouts" : same[0][1] < 90 ? "azimuth_deg"
       : one.case in opposite ? "elevations_deg" : "elevation_deg";
     const place = [formatGiven(one.case), one.label];
     return refuse(field, same,
       place.reduce((text, part) => text.replace("{}", () => part), conditions.places));
   }
   if (!layouts) return "";
-  if (!cases.length && !layouts.size) return refuse("cases", cases, conditions.cases);
-  const grow = [...layouts.values()]
+  const names = Object.keys(layouts), own = names.every((name) => !Object.hasOwn(pairs, name));
+  if (!cases.length && !names.length) return refuse("cases", cases, conditions.cases);
+  const grow = Object.values(layouts)
     .every((sets) => sets.every((one, i) => !i || sets[i - 1].length < one.length));
-  const own = [...layouts.keys()].every((name) => !Object.hasOwn(pairs, name));
   return grow && own ? "" : refuse("layouts", layouts, conditions.layouts);
 }
 function findLimit({ estimator, noise_px: noise, modes }, settings, markers) { // of a page, or ""
@@ -95,13 +95,13 @@ function planRequest({ subject, study, others }, values, facts) {
   const unknown = Object.keys(others).find((name) => formatGiven(values[name]) !== others[name]);
   if (unknown) return { left: `the parameter ${unknown}` };
   const given = facts.structures[subject], peaks = peaksOf(values, given);
-  const common = { distance: values.distance_mm, size: values.resolution_px?.map(Number) };
+  const common = { distance: values.distance_mm, size: values.resolution_px };
   const settings = SETTINGS[study](values, facts).map((one) => ({ ...common, ...one }));
   const problem = findProblem(values, settings, peaks, facts, given);
   if (problem) return { problem };
   const structure = given.row
     ? { ...given, row: { ...given.row, first: values.first_marker_mm / 1000 } }
-    : { ...given, grid: values.grid.map(Number) };
+    : { ...given, grid: values.grid };
   const [nx, ny] = structure.grid ?? [given.row.count, 1];
   const left = findLimit(values, settings, nx * ny);
   if (left) return { left };
@@ -111,7 +111,7 @@ function planRequest({ subject, study, others }, values, facts) {
       cameras: values.azimuth_zero === "X" ? one.cameras.map(turn) : one.cameras,
       focal: (values.focal_length_mm * one.size[0]) / values.sensor_width_mm,
       known: values.rest === "known", offset: values.principal_offset_px })),
-    structure, shapes: values.modes.map((mode, i) => ({ mode: Number(mode), peak: peaks[i] })),
+    structure, shapes: values.modes.map((mode, i) => ({ mode, peak: peaks[i] })),
   };
 }
 
