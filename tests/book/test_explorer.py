@@ -59,11 +59,6 @@ def state(opened):
     return opened.page.evaluate("document.querySelector('.tl-explorer').explorer.app.state")
 
 
-def refusal(opened):
-    opened.page.wait_for_timeout(50)
-    return opened.page.locator(".tl-ex-refused").inner_text()
-
-
 def camera(opened, number):
     return opened.page.get_by_role("slider", name=f"Camera {number}", exact=True)
 
@@ -201,15 +196,14 @@ def test_everything_by_keyboard(chromium, path):
         camera(opened, 3).press("Delete")
         assert state(opened)["c"] == [[11, 32], [-60, 40]]
         assert opened.page.evaluate("document.activeElement.dataset.camera") == "1"
-        opened.page.get_by_label("Elevation of camera 2 in degrees").fill("52.5")
+        elevation = opened.page.get_by_label("Elevation of camera 2 in degrees")
+        elevation.fill("52.5")
         assert state(opened)["c"] == [[11, 32], [-60, 52.5]]
-        opened.page.get_by_label("Elevation of camera 2 in degrees").fill("95")
+        elevation.fill("95")
+        assert elevation.evaluate("box => box.matches(':invalid')")
         opened.page.keyboard.press("Tab")
         assert state(opened)["c"] == [[11, 32], [-60, 52.5]]
-        words = "Elevation of camera 2: 95 is out of range, 0.5 to 90°; it stays 52.5°."
-        assert refusal(opened) == words
-        opened.page.get_by_label("Focal length (mm)").fill("35")
-        assert refusal(opened) == ""
+        assert elevation.input_value() == "52.5"
 
 
 # --- the address

@@ -25,9 +25,6 @@ const isLayout = (cameras) => cameras.length >= 2 && cameras.length <= MOST_CAME
     Math.abs(azimuth) <= 360 && elevation > 0 && elevation <= 90 &&
     cameras.slice(0, i).every((other) => apart(cameras[i], other) > 1e-5));
 
-const refused = (what, given, [low, high], unit, then) =>
-  `${what}: ${given} is out of range, ${low} to ${high}${unit}; it ${then}${unit}.`;
-
 function setupOf(state, { setups, reading }) { // the thesis's setup that a state is, if any
   const known = Object.keys(reading).every((key) => state[key] === reading[key]);
   const same = setups.filter((one) => known &&
@@ -129,7 +126,6 @@ function render({ model, el }) {
   const head = createHead(), table = html("table");
   const list = html("div", { class: "tl-ex-cameras", role: "group", "aria-label": "Cameras" });
   const status = html("p", { class: "tl-ex-status", role: "status" });
-  const refusal = html("p", { class: "tl-ex-refused", role: "alert" });
   const facts = html("p", { class: "tl-ex-facts" });
   const bottom = html("div", { class: "tl-ex-export" }, html("span", {}, "Run it:"), code,
     copyButton("Copy command", null, () => toCommand(app.state, app.structure), code));
@@ -140,7 +136,7 @@ function render({ model, el }) {
         html("div", {}, legend, list))),
     html("div", {}, shapes.node, compact ? image.node : "", table, facts));
   const root = html("section", { class: `tl-viewer tl-explorer${compact ? " tl-ex-compact" : ""}`,
-    "aria-label": "Explorer of camera layouts" }, controls, refusal, status, columns, bottom);
+    "aria-label": "Explorer of camera layouts" }, controls, status, columns, bottom);
   fill(view.node, { "aria-describedby": uid });
   if (compact) {
     const whole = html("a", {}, "All its controls and numbers");
@@ -166,26 +162,19 @@ function render({ model, el }) {
     const box = select(pairs, {}, write);
     return add(label, box, () => { box.value = read(); }, cls);
   }
-  // Refused when it is left, or at once if no further digit could make it right.
-  function numeric(what, unit, read, range, write, attributes) {
-    const box = html("input", { type: "number", step: "any", ...attributes,
-      oninput: () => take(false), onchange: () => take(true) });
-    const take = (last) => {
-      const value = box.value === "" ? NaN : Math.round(1000 * box.value) / 1000;
-      const [low, high] = range();
-      const hopeless = value > high || value < Math.min(low, 0) || (value === 0 && low > 0);
-      if (value === read()) refuse("");
-      else if (value === clamp(value, [low, high])) write(value);
-      else if (last || hopeless)
-        refuse(refused(what, box.value || "nothing", [low, high], unit, `stays ${read()}`));
-      if (last) box.value = read();
-    };
-    return [box, () => { if (box !== document.activeElement) box.value = read(); }];
+  // Taken as soon as it is within its bounds; when it is left, it is what holds.
+  function numeric(read, range, write, attributes = {}) {
+    const box = html("input", { type: "number", step: "any", required: "", ...attributes,
+      oninput() { if (box.checkValidity()) write(Math.round(1000 * box.value) / 1000); },
+      onchange() { box.value = read(); } });
+    return [box, () => {
+      const [min, max] = range();
+      Object.assign(box, { min, max, title: `${min} to ${max}` });
+      if (box !== document.activeElement) box.value = read();
+    }];
   }
-  function number(what, unit, read, key, write, cls) {
-    const range = () => limits(app.state, app.structure)[key];
-    const [box, refresh] = numeric(what, ` ${unit}`, read, range, write, { min: 0 });
-    add(`${what} (${unit})`, box, refresh, cls);
+  function number(label, read, key, write, cls) {
+    add(label, ...numeric(read, () => limits(app.state, app.structure)[key], write), cls);
   }
   const named = ({ setups }, name) => setups.find(({ id }) => id === name) ?? app.state;
   choice("Structure", "s", [["beam", "Beam"], ["plate", "Plate"]], (s) => {
@@ -204,10 +193,10 @@ function render({ model, el }) {
     free = !width;
     update(width ? { w: sixteenToNine(Number(width)) } : {});
   });
-  ["Width", "Height"].forEach((label, i) => number(label, "px", () => app.state.w[i], "w",
+  ["Width", "Height"].forEach((label, i) => number(`${label} (px)`, () => app.state.w[i], "w",
     (value) => update({ w: app.state.w.with(i, Math.round(value)) }), "tl-ex-size"));
   for (const [label, key] of [["Focal length", "f"], ["Distance", "d"], ["Amplitude", "a"]])
-    number(label, "mm", () => app.state[key], key, (value) => update({ [key]: value }),
+    number(`${label} (mm)`, () => app.state[key], key, (value) => update({ [key]: value }),
       "tl-ex-more");
   choose("Rest position", [["rebuilt", "rebuilt too"], ["known", "known"]], () => app.state.r,
     (r) => update({ r }), "tl-ex-more");
@@ -217,10 +206,9 @@ function render({ model, el }) {
     const { c } = app.state, here = list.contains(document.activeElement);
     const angles = [["Azimuth", [-360, 360]], ["Elevation", [0.5, 90]]];
     const boxes = c.map((_, i) => angles.map(([name, range], n) => {
-      const what = `${name} of camera ${i + 1}`;
       const put = (value) => update({ c: app.state.c.with(i, app.state.c[i].with(n, value)) });
-      return numeric(what, "°", () => app.state.c[i][n], () => range, put,
-        { "aria-label": `${what} in degrees` });
+      return numeric(() => app.state.c[i][n], () => range, put,
+        { "aria-label": `${name} of camera ${i + 1} in degrees` });
     }));
     const off = (isOff) => ({ disabled: isOff ? "" : null });
     list.replaceChildren(...boxes.map((pair, i) =>
@@ -311,15 +299,11 @@ function render({ model, el }) {
   function request() { frame ||= requestAnimationFrame(tick); }
   function update(changes) { // by the reader; the next frame shows it
     const next = { ...app.state, ...changes };
-    if (!isLayout(next.c)) return refuse("No two cameras may stand in one place.");
-    const [low, high] = limits(next, structures[next.s]).d, given = next.d;
-    next.d = clamp(given, [low, high]);
-    refuse(next.d === given ? ""
-      : refused("Distance", `${given} mm`, [low, high], " mm", `is now ${next.d}`));
+    if (!isLayout(next.c)) return; // no two cameras stand in one place
+    next.d = clamp(next.d, limits(next, structures[next.s]).d);
     Object.assign(app, { state: next, result: null });
     request();
   }
-  function refuse(words) { if (refusal.textContent !== words) refusal.textContent = words; }
   // The address follows when the reader pauses.
   function settle() { keep(NO_STATE, location.hash, toAddress(app.state, app.structure)); }
 
