@@ -99,8 +99,7 @@ function renderForm({ model, el }) {
     { ...sets[chooser.value], sets: [chooser.value], differ: [] };
 
   // --- results in the page
-  const recompute = createRecompute(here, put, () => model.get("case"), () =>
-    tell("This browser lets no page compute beside itself; the command runs it."));
+  const recompute = createRecompute(here, put, () => model.get("case"));
   function put(data) {
     model.set("data", data);
     figure.hidden = see.hidden = !data;
@@ -220,7 +219,6 @@ function renderForm({ model, el }) {
   readAddress();
   chooser.addEventListener("change", build);
   root.addEventListener("change", writeAddress);
-  model.on("change:case", recompute.prefer);
   root.recompute = { model, data: recompute.data }; // for tests
   el.replaceChildren(root, figure);
   build();
