@@ -3,7 +3,7 @@ import { createShapes, createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
   asked, button, clamp, copyButton, field, fill, fixed, followWidth, html, isNumber, keep,
-  linkButton, options, radios, select, show,
+  options, radios, select, show,
 } from "./parts.js";
 import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
@@ -144,7 +144,7 @@ function render({ model, el }) {
     refreshers.push(() => {
       whole.href = `explorer.html?${toAddress(app.state, app.structure)}`;
     });
-  } else bottom.append(...linkButton(settle));
+  }
 
   // --- controls
   function add(label, node, refresh, cls = "") {

@@ -1,6 +1,6 @@
 // The ledger: the claims of the thesis with their verdicts, as a table to filter, search and sort.
 // Front end of thesis_lib.figure_sets.claims.figures.LedgerTable.
-import { asked, button, copyButton, fill, html, keep, linkButton, options } from "./parts.js";
+import { asked, button, copyButton, fill, html, keep, options } from "./parts.js";
 
 // The order is that of sorting and of the count.
 const VERDICTS = ["agrees", "within scatter", "differs", "no material change", "undefined"];
@@ -151,7 +151,7 @@ function render({ model, el }) {
     form.replaceChildren(...FILTERS.map(filter),
       control("search", "Search", html("input", { type: "search" })),
       choice("sort", "Sort by", Object.entries(SORTS).map(([name, [words]]) => [name, words])),
-      button("Reset", {}, reset), ...(onPage ? linkButton(writeAddress) : []));
+      button("Reset", {}, reset));
     order = "";
     table = html("table", { role: "table", "aria-label": "Claims and verdicts" },
       html("thead", { role: "rowgroup" }, html("tr", { role: "row" }, COLUMNS.map(head))),

@@ -1,6 +1,6 @@
 // The rerun form: a figure set or chapter, its parameters, the command that runs it with them, and
 // for beam and plate the results, computed in the page; above the viewer of one set it is folded.
-import { asked, button, copyButton, html, keep, linkButton, options } from "./parts.js";
+import { asked, button, copyButton, html, keep, options } from "./parts.js";
 import { createRecompute } from "./recompute.js";
 import { dumps, formatCommand, judge, parseTyped } from "./request.js";
 import viewer from "./viewer.js";
@@ -87,7 +87,7 @@ function renderForm({ model, el }) {
   const result = html("div", { class: "tl-rerun-result" }, status, sentence, see, output);
   const head = html("div", { class: "tl-rerun-head" },
     compact ? "" : html("label", {}, html("span", {}, "Figure set or chapter"), chooser),
-    button("Reset", {}, reset), ...linkButton(writeAddress));
+    button("Reset", {}, reset));
   const words = "Change a parameter: the page computes it again";
   const parts = compact // above the viewer it is folded
     ? html("details", {}, html("summary", {}, words), form,

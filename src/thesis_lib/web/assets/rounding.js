@@ -2,7 +2,7 @@
 import { axes } from "./chart.js";
 import {
   asked, button, circle, clamp, figure, fill, fixed, followDrag, followWidth, html, keep, lines,
-  linkButton, path, resize, svg, text,
+  path, resize, svg, text,
 } from "./parts.js";
 import { markers, measureDeflections, randomNumber, simulateSetting } from "./physics.js";
 import { pixelate, radians } from "./pinhole.js";
@@ -53,8 +53,7 @@ function render({ model, el }) {
   }
   const handlers = { onchange: remember, onclick: remember, onpointerup: remember };
   const root = html("section", { class: "tl-viewer tl-demo", "aria-label": label, ...handlers },
-    html("div", { class: "tl-controls" }, sliders.map(({ node }) => node), built.buttons,
-      linkButton(remember)),
+    html("div", { class: "tl-controls" }, sliders.map(({ node }) => node), built.buttons),
     html("div", { class: "tl-grid" }, Object.values(panels).map(({ node }) => node)), status);
   function refresh() {
     waiting = 0;
