@@ -1,7 +1,7 @@
 // Panels of a plate: (b) the reference and (c) the measured shapes, as maps of its markers.
 import { colourBar, colourOf, createMap, isDark, mapWidth, scaleOf, written } from "./maps.js";
 import {
-  ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, path, placeIn, show, svg,
+  ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, path, show, svg,
 } from "./parts.js";
 
 KINDS.plate = (study, uid) => {
@@ -40,16 +40,12 @@ KINDS.plate = (study, uid) => {
     deflections.forEach((value, n) => {
       if (!isNumber(value)) return;
       const colour = colourOf(colormap, value, most);
-      cells.append(svg("rect", { ...corner(n), ...size, fill: colour }));
+      cells.append(svg("rect", { ...corner(n), ...size, fill: colour, "data-n": n }));
       dots[isDark(colour) ? 1 : 0] += `M${x(xs[n % nx])} ${y(ys[rowOf(n)])}h0`;
     });
     const cursor = svg("g", { class: "tl-cursor" },
       svg("rect", { class: "tl-halo", ...size }), svg("rect", size));
-    const pointAt = (event) => {
-      const [px, py] = placeIn(node.getBoundingClientRect(), event);
-      const ix = Math.floor((px - left) / size.width), iy = ny - 1 - Math.floor((py - top) / size.height);
-      point(ix >= 0 && ix < nx && iy >= 0 && iy < ny ? iy * nx + ix : null);
-    };
+    const pointAt = ({ target: { dataset } }) => point("n" in dataset ? Number(dataset.n) : null);
     fill(node, { onpointerdown: pointAt, onpointermove: pointAt,
       onpointerleave(event) { if (event.pointerType === "mouse") point(null); } },
     cells, path("tl-dots", dots[0]), path("tl-dots tl-light", dots[1]), frame(), cursor);
