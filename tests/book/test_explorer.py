@@ -181,7 +181,7 @@ def touch(opened, places):
 def test_everything_by_keyboard(chromium, path):
     with open_offline(chromium, path, query=TWO) as opened:
         state(opened)
-        seen = tab_through(opened, 22)
+        seen = tab_through(opened, 21)
         assert {"Structure", "Distance (mm)", "Camera 2", "Play", "Copy command"} < {*seen}
         assert "no outline" not in seen
         camera(opened, 1).focus()

@@ -85,7 +85,6 @@ function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
 }
 
 // --- its elements
-const WIDTHS = [320, 640, 1280, 1920];
 const ERRORS = [["mean_error", "Mean error"], ["max_point_error", "Largest error"]];
 const HINT = matchMedia("(pointer: coarse)").matches
   ? "Drag a camera with a finger, or empty space sideways to turn."
@@ -111,7 +110,7 @@ function render({ model, el }) {
   const uid = `tl-${Math.random().toString(36).slice(2, 10)}`, refreshers = [];
   const linked = Object.keys(NO_STATE).some((key) => asked(key) !== null);
   const query = linked ? location.search : model.get("address");
-  let setup, built = {}, frame = 0, timer = 0, free = false;
+  let setup, built = {}, frame = 0, timer = 0;
   const app = { // what the view and the shapes need
     colormap, sensorWidth, update, remove, request, result: null,
     state: fromAddress(query, structures),
@@ -187,14 +186,10 @@ function render({ model, el }) {
     const { d, w, c } = named(app.structure, t);
     update({ d, w, c, ...(t ? { t, ...app.structure.reading } : {}) });
   });
-  const common = () => WIDTHS.find((width) => `${sixteenToNine(width)}` === `${app.state.w}`);
-  const sizes = WIDTHS.map((width) => [width, sixteenToNine(width).join(" × ")]);
-  choose("Pixels", [...sizes, ["", "other"]], () => (!free && common()) || "", (width) => {
-    free = !width;
-    update(width ? { w: sixteenToNine(Number(width)) } : {});
-  });
-  ["Width", "Height"].forEach((label, i) => number(`${label} (px)`, () => app.state.w[i], "w",
-    (value) => update({ w: app.state.w.with(i, Math.round(value)) }), "tl-ex-size"));
+  number("Width (px)", () => app.state.w[0], "w",
+    (w) => update({ w: sixteenToNine(Math.round(w)) }));
+  number("Height (px)", () => app.state.w[1], "w",
+    (h) => update({ w: app.state.w.with(1, Math.round(h)) }), "tl-ex-more");
   for (const [label, key] of [["Focal length", "f"], ["Distance", "d"], ["Amplitude", "a"]])
     number(`${label} (mm)`, () => app.state[key], key, (value) => update({ [key]: value }),
       "tl-ex-more");
@@ -279,7 +274,6 @@ function render({ model, el }) {
     }
     Object.assign(built, { structure, count: state.c.length });
     [...refreshers, built.list].forEach((one) => one());
-    controls.dataset.free = free || !common();
     code.textContent = toCommand(state, structure);
     view.draw();
     shapes.draw();

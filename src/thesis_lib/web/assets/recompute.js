@@ -66,7 +66,8 @@ function findProblem(values, settings, peaks, facts, { length, width }) {
   for (const one of settings) {
     const same = findCoincident(one);
     if (!same) continue;
-    const field = layouts && Object.hasOwn(layouts, one.case) ? "layouts" : same[0][1] < 90 ? "azimuth_deg"
+    const own = layouts && Object.hasOwn(layouts, one.case);
+    const field = own ? "layouts" : same[0][1] < 90 ? "azimuth_deg"
       : one.case in opposite ? "elevations_deg" : "elevation_deg";
     const place = [formatGiven(one.case), one.label];
     return refuse(field, same,
@@ -182,7 +183,8 @@ function compareResults({ all }) {
 export function createRecompute(facts, put, looked) {
   let job = null;
   function work(own) { // nominal runs of all settings, then draws of each one, those in sight first
-    const { plan: { settings, structure, shapes }, runs, left } = own, end = performance.now() + SLICE;
+    const { plan: { settings, structure, shapes }, runs, left } = own;
+    const end = performance.now() + SLICE;
     let hasMore = false;
     while (job === own && performance.now() < end) {
       const isInSight = (i) => settings[i].case === looked(), n = left.find(isInSight) ?? left[0];

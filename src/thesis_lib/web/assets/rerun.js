@@ -36,7 +36,8 @@ function createField(field, id, text, more, changed) {
   const { name, meaning, unit, allowed, typed, schema } = field;
   const described = { id, "aria-describedby": `${id}-hint ${id}-problem` };
   const [node, now] = createControl(field, text, id, described), isGroup = node.matches("div");
-  const usual = parseTyped(field, typed), all = isGroup && usual.length === choicesOf(schema).length;
+  const usual = parseTyped(field, typed);
+  const all = isGroup && usual.length === choicesOf(schema).length;
   const hint = `Allowed: ${allowed}. Default: ${all ? "all" : typed}. ${more}`.trimEnd();
   const problem = html("p", { id: `${id}-problem`, class: "tl-rerun-problem" });
   const body = html("div", { class: "tl-rerun-row", "data-parameter": name },
