@@ -8,11 +8,11 @@ KINDS.plate = (study, uid) => {
   const [b, c] = ["b", "c"].map((letter) => {
     const canvas = html("div", { class: "tl-maps", tabindex: 0, onkeydown: walk });
     const panel = figure(letter, canvas), scale = html("div");
-    const readout = html("p", { class: "tl-readout", "data-testid": `readout-${letter}` });
-    panel.canvas.after(scale, readout);
-    return { ...panel, scale, readout, cursors: [] };
+    panel.canvas.after(scale);
+    return { ...panel, scale, cursors: [] };
   });
-  fill(c.readout, { "aria-live": "polite" });
+  const readout = html("p", { class: "tl-readout", "data-testid": "readout", "aria-live": "polite" });
+  c.scale.after(readout);
   let cell = null; // the pointed one
 
   function limit() { // over all settings, so that the scale stays while settings are compared
@@ -67,12 +67,9 @@ KINDS.plate = (study, uid) => {
     for (const move of [...b.cursors, ...c.cursors]) move(cell);
     const scale = scaleOf(limit(), "mm");
     const value = (list) => (isNumber(list[cell]) ? written(list[cell], scale) : "–");
-    if (cell === null) {
-      b.readout.textContent = "Point at a cell, or focus and press the arrow keys, to read it.";
-      c.readout.textContent =
-        "In (d), point at a bar to show its setting; click or press Enter to keep it.";
-      return;
-    }
+    readout.textContent = "Point at a cell, or focus and press the arrow keys, to read it. In (d), " +
+      "point at a bar to show its setting; click or press Enter to keep it.";
+    if (cell === null) return;
     const { x_mm: x, y_mm: y, grid: [nx] } = study.data;
     const place = `X ${x[cell % nx].toFixed(0)} mm, Y ${y[Math.floor(cell / nx)].toFixed(0)} mm`;
     const measured = shown().map((i) => {
@@ -80,8 +77,8 @@ KINDS.plate = (study, uid) => {
       const error = errors ? `, error ${show(errors[cell])}\u00a0%` : "";
       return `${study.nameOf(i)}: ${value(list)}${error}`;
     });
-    b.readout.textContent = `${place}: reference ${value(study.mode().reference_mm)}`;
-    c.readout.textContent = [b.readout.textContent, ...measured].join("; ");
+    const reference = `${place}: reference ${value(study.mode().reference_mm)}`;
+    readout.textContent = [reference, ...measured].join("; ");
   }
   function walk(event) {
     const [nx, ny] = study.data.grid, [dx, dy] = ARROWS[event.key] ?? [];
