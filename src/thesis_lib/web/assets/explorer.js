@@ -86,10 +86,7 @@ function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
 
 // --- its elements
 const ERRORS = [["mean_error", "Mean error"], ["max_point_error", "Largest error"]];
-const HINT = matchMedia("(pointer: coarse)").matches
-  ? "Drag a camera with a finger, or empty space sideways to turn."
-  : "Drag a camera, or empty space to turn; or arrow keys, Delete. " +
-    "After a click the wheel changes the distance.";
+const HINT = "Drag a camera, or empty space sideways to turn; or press arrow keys, Delete.";
 const percent = (value) => (isNumber(value) ? `${show(value)}\u00a0%` : "–");
 const bandText = ([median, low, high]) =>
   (isNumber(median) ? `${show(median)} (${show(low)}–${show(high)})\u00a0%` : "–");

@@ -97,11 +97,6 @@ export function createView(app) {
     const held = { camera, side: Math.sign(dot(tips[camera], viewer)) || 1, beyond: false };
     return ([nowX, nowY]) => place(held, nowX - x + tipX, nowY - y + tipY);
   });
-  node.addEventListener("wheel", (event) => { // once the view has the focus: else the page scrolls
-    if (!node.contains(document.activeElement) || !event.deltaY) return;
-    event.preventDefault();
-    app.update({ d: Math.round((app.state.d * 1.04 ** Math.sign(event.deltaY)) / 5) * 5 });
-  }, { passive: false });
   cameras.addEventListener("keydown", (event) => {
     const i = Number(event.target.dataset.camera), [x, y] = ARROWS[event.key] ?? [];
     const step = event.shiftKey ? 10 : 1, [azimuth, elevation] = app.state.c[i];
