@@ -305,7 +305,7 @@ def test_a_parameter_is_changed_on_the_page_of_its_set(chromium, distance):
             "() => /median error over 200 pixel grids is 1\\.\\d times/.test("
             "document.querySelector('.tl-rerun-sentence').textContent)"
         )
-        assert said(opened, SENTENCE).startswith("With focal_length_mm 12 in place of 24 the")
+        assert said(opened, SENTENCE).startswith("With these parameters the")
         page.get_by_label("focal_length_mm").fill("0")
         problem = page.locator("[data-parameter=focal_length_mm] .tl-rerun-problem")
         assert problem.inner_text().startswith("focal_length_mm: given 0, allowed: ")

@@ -106,15 +106,10 @@ function renderForm({ model, el }) {
     figure.hidden = see.hidden = !data;
     if (data && !figure.firstChild) viewer.render({ model, el: figure });
     const compared = recompute.comparison();
-    if (compared) tell(`${describeChanges()} ${compared}`);
+    const which = rows.some((one) => one.other) ? "these" : "the published";
+    if (compared) tell(`With ${which} parameters ${compared}`);
   }
   function tell(words) { if (sentence.textContent !== words) sentence.textContent = words; }
-  function describeChanges() {
-    const those = rows.filter((one) => one.other)
-      .map((one) => `${one.name} ${one.now()} in place of ${fields[one.n].typed}`);
-    if (!those.length) return "With the published parameters";
-    return `With ${those.length > 3 ? `${those.length} other parameters` : those.join(", ")}`;
-  }
   function compute(judged) { // begins, if there is something to compute; says what is refused
     const name = chooser.value, values = {};
     for (const { name: field, n } of rows) values[field] = judged.get(n).value;
@@ -140,25 +135,17 @@ function renderForm({ model, el }) {
   }
 
   // --- the form
-  function describe(run) { // what the command does; of a chapter also its sets, to choose one
-    if (!chapters[chooser.value]) return [run.takes];
-    const words = [`The command below runs all ${run.sets.length} figure sets of the chapter, `,
-      "each with those of the parameters that it has. ", run.takes];
-    if (run.differ.length) words.push(` The sets differ in ${run.differ.join(", ")}: ` +
-      "choose one set to change these.");
-    const computed = run.sets.some((one) => here.sets[one]);
-    words.push(computed ? " The page computes one set at a time: " : " One set alone: ");
-    return [...words, ...run.sets.flatMap((one) => [button(one, {}, () => choose(one)), " "])];
-  }
-  function choose(name) {
-    chooser.value = name;
-    build();
-    writeAddress();
-    chooser.focus();
+  function describe(run) { // what the command does
+    if (!chapters[chooser.value]) return run.takes;
+    const names = run.differ.join(", "), computed = run.sets.some((one) => here.sets[one]);
+    return `The command below runs all ${run.sets.length} figure sets of the chapter, ` +
+      `each with those of the parameters that it has. ${run.takes}` +
+      (names && ` The sets differ in ${names}: choose one set to change these.`) +
+      (computed ? " The page computes one set at a time." : "");
   }
   function build() {
     const run = chosen();
-    note.replaceChildren(...describe(run));
+    note.textContent = describe(run);
     rows = run.shown.map((n) => {
       const holders = run.sets.filter((one) => sets[one].shown.includes(n));
       const hint = holders.length < run.sets.length ? `Only in ${holders.join(", ")}.` : "";
