@@ -116,18 +116,6 @@ def test_filters_and_a_search_combine_and_are_counted(chromium, path):
         assert opened.page.url == path.resolve().as_uri()
 
 
-def test_the_last_are_folded_until_asked_for(chromium, tmp_path):
-    table = LedgerTable(data={"rows": ROWS[:30], "folded": 10})
-    with open_offline(chromium, write_page(tmp_path / "folded.html", table)) as opened:
-        fold = opened.page.locator(".tl-ledger-fold")
-        assert shown(opened) == list(range(20))
-        fold.click()
-        assert shown(opened) == list(range(30))
-        fold.click()
-        box(opened, "Search").fill(f"d = {100 * 28} mm")  # a search looks everywhere
-        assert shown(opened) == [28]
-
-
 def test_sorting(chromium, path):
     with open_offline(chromium, path) as opened:
         pick(opened, "Chapter", "3")

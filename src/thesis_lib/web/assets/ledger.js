@@ -73,33 +73,25 @@ function render({ model, el }) {
   const form = html("form", { class: "tl-ledger-controls", "aria-label": "Filters",
     oninput: apply, onchange: writeAddress, onsubmit: (event) => event.preventDefault() });
   const chosen = () => Object.fromEntries(new FormData(form)); // filters, search and order
-  const more = button("", { class: "tl-ledger-fold" }, () => { unfolded = !unfolded; apply(); });
-  let claims = [], folded = new Set(), unfolded = false; // the last ones, are they shown?
-  let table = null, order = "";
+  let claims = [], table = null, order = "";
 
   // --- what is shown
   function apply() {
     const { search, sort, ...filters } = chosen(), wanted = plain(search);
-    const choices = Object.values(filters), all = unfolded || wanted || choices.some(Boolean);
-    const shown = new Set(claims.filter((claim) => (all || !folded.has(claim)) &&
-      claim.text.includes(wanted) &&
-      choices.every((value, i) => !value || claim.values[i].includes(value))));
-    for (const claim of claims) claim.body.hidden = !shown.has(claim);
+    const choices = Object.values(filters), shown = claims.filter(({ text, values }) =>
+      text.includes(wanted) && choices.every((one, i) => !one || values[i].includes(one)));
+    for (const { body } of claims) body.hidden = true;
+    for (const { body } of shown) body.hidden = false;
     const [, compareRows] = SORTS[sort];
     if (order !== sort) table.append(...claims
       .toSorted((a, b) => compareRows(a.row, b.row)).map(({ body }) => body));
     order = sort;
-    const counted = [...shown].filter(({ row }) => row.counted);
-    const others = shown.size - counted.length;
-    more.hidden = !folded.size || Boolean(all && !unfolded);
-    const words = `${folded.size} counts and roots that no total counts`;
-    more.textContent = `${unfolded ? "Hide" : "Show"} ${words}`;
-    fill(more, { "aria-expanded": unfolded });
+    const counted = shown.filter(({ row }) => row.counted), others = shown.length - counted.length;
     const parts = VERDICTS.map((one) => {
       const number = counted.filter(({ row }) => row.verdict === one).length;
       return `${number} ${number === 1 ? one : WORDS[one] ?? one}`;
     });
-    count.textContent = `${shown.size} of ${claims.length} shown: ${parts.join(", ")}` +
+    count.textContent = `${shown.length} of ${claims.length} shown: ${parts.join(", ")}` +
       (others ? `; ${others} not counted†` : "");
   }
 
@@ -121,7 +113,6 @@ function render({ model, el }) {
     if (!claim) return;
     claim.body.querySelector("button[aria-expanded=false]")?.click();
     if (claim.body.hidden) reset();
-    if (claim.body.hidden) more.click();
     const show = () => claim.body.scrollIntoView({ block: "center" });
     show();
     requestAnimationFrame(() => requestAnimationFrame(show)); // the rows have their true heights
@@ -144,9 +135,7 @@ function render({ model, el }) {
     writeAddress();
   }
   function build() {
-    const { rows = [], folded: last = 0 } = model.get("data");
-    claims = rows.map(claimOf);
-    folded = new Set(claims.slice(claims.length - last));
+    claims = (model.get("data").rows ?? []).map(claimOf);
     if (!claims.length) return root.replaceChildren("No claims to show.");
     form.replaceChildren(...FILTERS.map(filter),
       control("search", "Search", html("input", { type: "search" })),
@@ -156,7 +145,7 @@ function render({ model, el }) {
     table = html("table", { role: "table", "aria-label": "Claims and verdicts" },
       html("thead", { role: "rowgroup" }, html("tr", { role: "row" }, COLUMNS.map(head))),
       claims.map(({ body }) => body));
-    root.replaceChildren(form, count, table, more);
+    root.replaceChildren(form, count, table);
     if (claims.some(({ row }) => !row.counted)) root.append(
       html("p", { class: "tl-ledger-foot" }, "† Listed, but not counted in the totals."));
     if (onPage) readAddress();
