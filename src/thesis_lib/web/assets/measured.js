@@ -27,7 +27,7 @@ function render({ model, el }) {
       "each instant; whiskers are two standard errors either way."),
     html("div", { class: "tl-controls" }, field("Drawn larger", strength),
       field("Whiskers (2 ±)", whiskers)), panel.node,
-    colourBar("tl-measured-scale", colormap, most, "mm", "deflection", 260), motion.node);
+    colourBar(colormap, most, "mm", "deflection"), motion.node);
   const scene = svg("g"), shape = svg("g", { class: "tl-measured-shape" });
   let at = null, phase = 0; // the place of a marker on the screen, set when drawn
   const polygons = faces.map(() => path("tl-face", "")), bars = edges.map(() => path("tl-mesh", ""));

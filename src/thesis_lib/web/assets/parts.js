@@ -1,7 +1,7 @@
 // Shared parts: elements, numbers, marks, figures, pointer and width, address, buttons that copy.
 
 // Each kind of structure registers its own panels here, by the name in `structure.kind`: a function
-// of (study, uid) that returns {figures, draw()} and if needed highlight() and stop().
+// of (study) that returns {figures, draw()} and if needed highlight() and stop().
 export const KINDS = {};
 
 // --- elements

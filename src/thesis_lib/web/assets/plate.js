@@ -4,7 +4,7 @@ import {
   ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, path, show, svg,
 } from "./parts.js";
 
-KINDS.plate = (study, uid) => {
+KINDS.plate = (study) => {
   const [b, c] = ["b", "c"].map((letter) => {
     const canvas = html("div", { class: "tl-maps", tabindex: 0, onkeydown: walk });
     const panel = figure(letter, canvas), scale = html("div");
@@ -102,14 +102,14 @@ KINDS.plate = (study, uid) => {
   return {
     figures: [b.node, c.node],
     draw() {
-      const most = limit(), wide = Math.min(mapWidth(study, 1) - 110, 240);
+      const most = limit();
       const help = "Arrow keys move from marker to marker.";
       entitle(b, study, "img", "Reference shape", "", help);
       entitle(c, study, "img", "Measured shapes", "", help);
       clear(b);
       drawMap(b, study.mode().reference_mm, most, "map-ideal", "ideal");
-      [b, c].forEach(({ scale }, n) => scale.replaceChildren(
-        colourBar(`${uid}-scale-${n}`, study.data.colormap, most, "mm", "deflection", wide)));
+      for (const { scale } of [b, c])
+        scale.replaceChildren(colourBar(study.data.colormap, most, "mm", "deflection"));
     },
     highlight: drawMeasured,
   };

@@ -211,7 +211,7 @@ function render({ model, el }) {
     const all = known ? [controls, title, key, summary, grid] : ["No results to show."];
     root.replaceChildren(...all);
     if (!known) return;
-    panels = KINDS[kind](study, uid);
+    panels = KINDS[kind](study);
     root.dataset.kind = kind;
     grid.replaceChildren(a.node, ...(data.lens ? [image.node] : []), ...panels.figures, d.node);
     if (data.x_mm) a.node.append(motion.node); else motion.node.remove(); // a sound has its own
