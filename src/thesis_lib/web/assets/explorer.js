@@ -7,6 +7,7 @@ import {
 } from "./parts.js";
 import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
+import { formatCommand } from "./request.js";
 
 // --- its state: s structure, m mode, w [width, height] in px, f focal length, d distance and
 // a amplitude in mm, r rest position, c directions of the cameras in degrees, t setup last chosen
@@ -69,10 +70,7 @@ function toCommand({ s, w, f, d, a, r, c }, { reading }) {
   if (f !== reading.f) values.focal_length_mm = f;
   if (a !== reading.a) values.amplitude_mm = a;
   if (r !== reading.r) values.rest = r;
-  const words = Object.entries(values).map(([key, value]) =>
-    `${key}=${typeof value === "string" ? value : JSON.stringify(value)}`);
-  const quoted = words.map((one) => `-p ${/^[\w=.]+$/.test(one) ? one : `'${one}'`}`);
-  return `thesis run ${s}-arrays ${quoted.join(" ")}`;
+  return formatCommand(`${s}-arrays`, Object.entries(values));
 }
 
 // What the cameras measure: the nominal run and the prediction, then one trial after the other.
