@@ -8,11 +8,6 @@ export function colourOf(colormap, value, most) {
 }
 export const channelsOf = (colour) => // red, green and blue up to 255
   [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
-// Luminance decides whether what lies on a colour is drawn dark or light.
-export function isDark(colour) {
-  const [red, green, blue] = channelsOf(colour);
-  return 0.3 * red + 0.59 * green + 0.11 * blue < 128;
-}
 
 // How to write values up to `most`: very small and very large ones in powers of ten of their unit.
 export function scaleOf(most, unit) {

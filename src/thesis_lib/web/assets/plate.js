@@ -1,8 +1,6 @@
 // Panels of a plate: (b) the reference and (c) the measured shapes, as maps of its markers.
-import { colourBar, colourOf, createMap, isDark, mapWidth, scaleOf, written } from "./maps.js";
-import {
-  ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, path, show, svg,
-} from "./parts.js";
+import { colourBar, colourOf, createMap, mapWidth, scaleOf, written } from "./maps.js";
+import { ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, show, svg } from "./parts.js";
 
 KINDS.plate = (study) => {
   const [b, c] = ["b", "c"].map((letter) => {
@@ -29,26 +27,20 @@ KINDS.plate = (study) => {
   // --- one map
   function drawMap(panel, deflections, most, testid, heading) {
     const { length_mm: length, width_mm: across } = study.data.structure, [nx, ny] = study.data.grid;
-    const { x_mm: xs, y_mm: ys, colormap } = study.data;
     const { node, x, y, unit, frame } =
       createMap(mapWidth(study, 1), [0, length], [0, across], "X (mm)", "Y (mm)");
     const size = { width: (unit * length) / nx, height: (unit * across) / ny };
-    const rowOf = (n) => Math.floor(n / nx), left = x(0), top = y(across);
-    const corner = (n) =>
-      ({ x: left + size.width * (n % nx), y: top + size.height * (ny - 1 - rowOf(n)) });
-    const cells = svg("g", { class: "tl-cells" }), dots = ["", ""];
-    deflections.forEach((value, n) => {
-      if (!isNumber(value)) return;
-      const colour = colourOf(colormap, value, most);
-      cells.append(svg("rect", { ...corner(n), ...size, fill: colour, "data-n": n }));
-      dots[isDark(colour) ? 1 : 0] += `M${x(xs[n % nx])} ${y(ys[rowOf(n)])}h0`;
-    });
+    const corner = (n) => ({ x: x(0) + size.width * (n % nx),
+      y: y(across) + size.height * (ny - 1 - Math.floor(n / nx)) });
+    const cells = svg("g", { class: "tl-cells" }, deflections.map((value, n) => isNumber(value) &&
+      svg("rect", { ...corner(n), ...size, "data-n": n,
+        fill: colourOf(study.data.colormap, value, most) })));
     const cursor = svg("g", { class: "tl-cursor" },
       svg("rect", { class: "tl-halo", ...size }), svg("rect", size));
     const pointAt = ({ target: { dataset } }) => point("n" in dataset ? Number(dataset.n) : null);
     fill(node, { onpointerdown: pointAt, onpointermove: pointAt,
       onpointerleave(event) { if (event.pointerType === "mouse") point(null); } },
-    cells, path("tl-dots", dots[0]), path("tl-dots tl-light", dots[1]), frame(), cursor);
+    cells, frame(), cursor);
     panel.canvas.append(html("div", { class: "tl-map", "data-testid": testid },
       html("p", { class: "tl-maphead" }, heading), node));
     panel.cursors.push((n) => {
