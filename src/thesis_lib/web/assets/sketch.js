@@ -57,17 +57,14 @@ export function createSketch(panel, study) { // returns what draws it
     }
 
     // Cameras: pyramids with the tip at the centre of projection. One that several highlighted
-    // settings share has the first one's colour, and grows for the next ones if these are few.
-    const seen = new Map(), pyramids = [];
-    const layouts = new Set(shown.map((i) => String(every[i].cameras)));
-    const nested = shown.length < 3 || layouts.size === 1;
+    // settings share has the first one's colour.
+    const seen = new Set(), pyramids = [];
     function pyramid(camera, style = null) {
-      const [distance, ...angles] = camera, copies = seen.get(String(camera)) ?? 0;
-      if (copies && !(nested && style)) return;
-      seen.set(String(camera), copies + 1);
-      const tip = times(towards(angles), distance);
-      const drawn = drawCamera(space, tip, 0.12 * radius * (1 + 0.4 * copies));
-      if (style && !copies) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
+      const [distance, ...angles] = camera, tip = times(towards(angles), distance);
+      if (seen.has(String(camera))) return;
+      seen.add(String(camera));
+      const drawn = drawCamera(space, tip, 0.12 * radius);
+      if (style) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
       pyramids.push([dot(tip, viewer),
         svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`, style }, drawn)]);
     }
