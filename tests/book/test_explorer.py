@@ -122,22 +122,18 @@ def test_the_band_is_that_of_the_library(conforms, chromium, path):
 WIDE = "30,20;-50,40;110,35;-130,25"
 
 
-def test_markers_in_view_are_not_rounded_up(chromium, path):
+def test_what_is_said_of_the_images_is_true_of_them(chromium, path):
+    """Markers in view are not rounded up; the largest motion is that in u and v together."""
+    script = """const { P, rest, deflected, moved, inView } = explorer.app.result;
+      return [inView, moved, ...[P, rest, deflected].map(one => Array.from(one))];"""
     with open_offline(chromium, path, query=f"s=plate&w=320&f=22&d=750&c={WIDE}") as opened:
-        share = with_physics(opened, "return explorer.app.result.inView;")
+        share, moved, P, *points = with_physics(opened, script)
         facts = opened.page.locator(".tl-ex-facts").inner_text().replace("\u00a0", " ")
         status = opened.page.locator(".tl-ex-status").inner_text().replace("\u00a0", " ")
     assert 0.995 < share < 1
     seen = f"{np.floor(1000 * share) / 10:.1f} %"
     assert f"markers in view {seen}" in facts
     assert f"Only {seen} of marker images" in status
-
-
-def test_the_largest_motion_is_that_in_u_and_v_together(chromium, path):
-    script = """const { P, rest, deflected, moved } = explorer.app.result;
-      return [moved, ...[P, rest, deflected].map(one => Array.from(one))];"""
-    with open_offline(chromium, path, query=f"s=plate&w=320&f=22&d=750&c={WIDE}") as opened:
-        moved, P, *points = with_physics(opened, script)
     images = [project(np.reshape(P, (-1, 3, 4)), np.reshape(one, (-1, 3)).T) for one in points]
     assert moved == pytest.approx(np.linalg.norm(images[1] - images[0], axis=1).max(), rel=1e-9)
 

@@ -9,7 +9,8 @@ KINDS.plate = (study) => {
     panel.canvas.after(scale);
     return { ...panel, scale, cursors: [] };
   });
-  const readout = html("p", { class: "tl-readout", "data-testid": "readout", "aria-live": "polite" });
+  const readout = html("p",
+    { class: "tl-readout", "data-testid": "readout", "aria-live": "polite" });
   c.scale.after(readout);
   let cell = null; // the pointed one
 
@@ -59,8 +60,8 @@ KINDS.plate = (study) => {
     for (const move of [...b.cursors, ...c.cursors]) move(cell);
     const scale = scaleOf(limit(), "mm");
     const value = (list) => (isNumber(list[cell]) ? written(list[cell], scale) : "–");
-    readout.textContent = "Point at a cell, or focus and press the arrow keys, to read it. In (d), " +
-      "point at a bar to show its setting; click or press Enter to keep it.";
+    readout.textContent = "Point at a cell, or focus and press the arrow keys, to read it. " +
+      "In (d), point at a bar to show its setting; click or press Enter to keep it.";
     if (cell === null) return;
     const { x_mm: x, y_mm: y, grid: [nx] } = study.data;
     const place = `X ${x[cell % nx].toFixed(0)} mm, Y ${y[Math.floor(cell / nx)].toFixed(0)} mm`;
