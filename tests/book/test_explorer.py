@@ -200,6 +200,10 @@ def test_everything_by_keyboard(chromium, path):
         opened.page.keyboard.press("Tab")
         assert state(opened)["c"] == [[11, 32], [-60, 52.5]]
         assert elevation.input_value() == "52.5"
+        alert = opened.page.locator(".tl-ex-refused")
+        assert alert.inner_text().endswith("camera 2 in degrees: given 95, allowed: 0.5 to 90")
+        opened.page.get_by_label("Focal length (mm)").fill("35")
+        assert alert.text_content() == ""
 
 
 # --- the address

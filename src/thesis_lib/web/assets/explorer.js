@@ -120,6 +120,7 @@ function render({ model, el }) {
   const head = createHead(), table = html("table");
   const list = html("div", { class: "tl-ex-cameras", role: "group", "aria-label": "Cameras" });
   const status = html("p", { class: "tl-ex-status", role: "status" });
+  const refusal = html("p", { class: "tl-ex-refused", role: "alert" });
   const facts = html("p", { class: "tl-ex-facts" });
   const bottom = html("div", { class: "tl-ex-export" }, html("span", {}, "Run it:"), code,
     copyButton("Copy command", null, () => toCommand(app.state, app.structure), code));
@@ -130,7 +131,7 @@ function render({ model, el }) {
         html("div", {}, legend, list))),
     html("div", {}, shapes.node, compact ? image.node : "", table, facts));
   const root = html("section", { class: `tl-viewer tl-explorer${compact ? " tl-ex-compact" : ""}`,
-    "aria-label": "Explorer of camera layouts" }, controls, status, columns, bottom);
+    "aria-label": "Explorer of camera layouts" }, controls, refusal, status, columns, bottom);
   fill(view.node, { "aria-describedby": uid });
   if (compact) {
     const whole = html("a", {}, "All its controls and numbers");
@@ -157,10 +158,14 @@ function render({ model, el }) {
     return add(label, box, () => { box.value = read(); }, cls);
   }
   // Taken as soon as it is within its bounds; when it is left, it is what holds.
-  function numeric(read, range, write, attributes = {}) {
+  function numeric(what, read, range, write, attributes = {}) {
     const box = html("input", { type: "number", step: "any", required: "", ...attributes,
       oninput() { if (box.checkValidity()) write(Math.round(1000 * box.value) / 1000); },
-      onchange() { box.value = read(); } });
+      onchange() {
+        const given = box.value || "nothing";
+        if (!box.checkValidity()) refuse(`${what}: given ${given}, allowed: ${box.title}`);
+        box.value = read();
+      } });
     return [box, () => {
       const [min, max] = range();
       Object.assign(box, { min, max, title: `${min} to ${max}` });
@@ -168,7 +173,7 @@ function render({ model, el }) {
     }];
   }
   function number(label, read, key, write, cls) {
-    add(label, ...numeric(read, () => limits(app.state, app.structure)[key], write), cls);
+    add(label, ...numeric(label, read, () => limits(app.state, app.structure)[key], write), cls);
   }
   const named = ({ setups }, name) => setups.find(({ id }) => id === name) ?? app.state;
   choice("Structure", "s", [["beam", "Beam"], ["plate", "Plate"]], (s) => {
@@ -197,8 +202,8 @@ function render({ model, el }) {
     const angles = [["Azimuth", [-360, 360]], ["Elevation", [0.5, 90]]];
     const boxes = c.map((_, i) => angles.map(([name, range], n) => {
       const put = (value) => update({ c: app.state.c.with(i, app.state.c[i].with(n, value)) });
-      return numeric(() => app.state.c[i][n], () => range, put,
-        { "aria-label": `${name} of camera ${i + 1} in degrees` });
+      const label = `${name} of camera ${i + 1} in degrees`;
+      return numeric(label, () => app.state.c[i][n], () => range, put, { "aria-label": label });
     }));
     const off = (isOff) => ({ disabled: isOff ? "" : null });
     list.replaceChildren(...boxes.map((pair, i) =>
@@ -288,11 +293,14 @@ function render({ model, el }) {
   function request() { frame ||= requestAnimationFrame(tick); }
   function update(changes) { // by the reader; the next frame shows it
     const next = { ...app.state, ...changes };
-    if (!isLayout(next.c)) return; // no two cameras stand in one place
-    next.d = clamp(next.d, limits(next, structures[next.s]).d);
+    if (!isLayout(next.c)) return refuse("No two cameras may stand in one place.");
+    const [low, high] = limits(next, structures[next.s]).d, given = next.d;
+    next.d = clamp(given, [low, high]);
+    refuse(next.d === given ? "" : `Distance (mm): given ${given}, allowed: ${low} to ${high}`);
     Object.assign(app, { state: next, result: null });
     request();
   }
+  function refuse(words) { refusal.textContent = words; }
   // The address follows when the reader pauses.
   function settle() { keep(NO_STATE, location.hash, toAddress(app.state, app.structure)); }
 

@@ -181,7 +181,9 @@ function compareResults({ all }) {
 // `put` takes the viewer's data, whenever there is more; `looked` returns the name of the case in
 // sight. The page stays fluid, for it computes in slices.
 export function createRecompute(facts, put, looked) {
-  let job = null;
+  let job = null, jobs = 0;
+  const { port1, port2 } = new MessageChannel(); // timers hardly run where a page is hidden
+  port1.onmessage = ({ data }) => { if (data === job?.id) work(job); };
   function work(own) { // nominal runs of all settings, then draws of each one, those in sight first
     const { plan: { settings, structure, shapes }, runs, left } = own;
     const end = performance.now() + SLICE;
@@ -204,13 +206,14 @@ export function createRecompute(facts, put, looked) {
     }
     if (job !== own) return;
     if (hasMore) put(own.data = { ...own.data });
-    if (left.length) setTimeout(work, 0, own);
+    if (left.length) port2.postMessage(own.id);
   }
   return {
     // Begins to compute a request, or returns why it is refused or left to the command.
     ask(name, values) {
       const set = facts.sets[name], plan = planRequest(set, values, facts);
-      job = plan.settings ? { set, plan, values, runs: [], left: [...plan.settings.keys()] } : null;
+      job = plan.settings
+        ? { id: jobs += 1, set, plan, values, runs: [], left: [...plan.settings.keys()] } : null;
       if (job) work(job);
       return plan;
     },
