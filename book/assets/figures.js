@@ -2,35 +2,12 @@
 (() => {
   const { element, button, dialog } = window.thesisBook;
   const MOST = 12, STEP = 1.4;
-  const phone = matchMedia("screen and (max-width: 600px)"), fingers = new Map();
+  const phone = matchMedia("screen and (max-width: 600px)");
   let content = null, scale = 1, fit = () => 1; // px at which the content fits the window
 
   const box = dialog("tl-zoom", "Figure"), caption = element("p", "tl-zoom-caption");
-  const spread = () => {
-    const [a, b] = [...fingers.values()];
-    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
-  };
-  const lift = (event) => fingers.delete(event.pointerId);
   const view = element("div", { className: "tl-zoom-view", tabIndex: 0, role: "group",
-    ariaLabel: "Figure: plus and minus change its size, arrows move it",
-    onwheel(event) {
-      event.preventDefault();
-      const { left, top } = view.getBoundingClientRect();
-      zoom(scale * Math.exp(-event.deltaY / 400), event.clientX - left, event.clientY - top);
-    },
-    onpointerdown(event) {
-      view.setPointerCapture(event.pointerId);
-      fingers.set(event.pointerId, event);
-    },
-    onpointermove(event) {
-      const last = fingers.get(event.pointerId);
-      if (!last) return;
-      const before = fingers.size === 2 ? spread() : 0;
-      fingers.set(event.pointerId, event);
-      if (before) zoom(scale * spread() / before);
-      else view.scrollBy(last.clientX - event.clientX, last.clientY - event.clientY);
-    },
-    onpointerup: lift, onpointercancel: lift });
+    ariaLabel: "Figure: plus and minus change its size, arrows move it" });
   const tools = [["−", "Smaller", () => zoom(scale / STEP)], ["+", "Larger", () => zoom(scale * STEP)],
     ["fit", "Fit the window", () => zoom(1)], ["close", "Close", () => box.close()]];
   const buttons = tools.map(([words, ariaLabel, act]) => button("", words, act, { ariaLabel }));
@@ -44,7 +21,8 @@
   addEventListener("resize", () => box.open && zoom(scale));
 
   // Sizes, not transforms: drawings are drawn again at each size, and so stay sharp.
-  function zoom(to, x = view.clientWidth / 2, y = view.clientHeight / 2) {
+  function zoom(to) { // what is in the middle stays there
+    const [x, y] = [view.clientWidth / 2, view.clientHeight / 2];
     const next = Math.min(MOST, Math.max(1, to)), grown = next / scale;
     const [left, top] = [(view.scrollLeft + x) * grown - x, (view.scrollTop + y) * grown - y];
     scale = next;
@@ -113,6 +91,7 @@
 })();
 
 // Figures of one case, with a switch of the mode. Without this script, and in print, all are seen.
+// A link to one of the others, and a search in the page, leads to its mode.
 (() => {
   const { element } = window.thesisBook;
   const figures = [...document.querySelectorAll(".tl-under-figure[data-case]")].map((line) => {
@@ -121,33 +100,20 @@
     return { ...line.dataset, figure, parts: [output, line] };
   }).filter(({ figure }) => figure);
   const cases = Map.groupBy(figures, (one) => one.case);
-  const plates = [...cases].filter(([, shown]) => shown.length > 1).map(([label, shown], n) => {
+  [...cases].filter(([, shown]) => shown.length > 1).forEach(([label, shown], n) => {
     const choose = (chosen) => shown.forEach((one) => {
       one.input.checked = one === chosen;
-      for (const part of one.parts) part.classList.toggle("tl-behind", one !== chosen);
+      for (const part of one.parts) part.hidden = one === chosen ? false : "until-found";
     });
     const labels = shown.map((one) => {
       const radio = { type: "radio", name: `tl-atlas-${n}`, onchange: () => choose(one) };
+      for (const part of one.parts) part.addEventListener("beforematch", () => choose(one));
       one.input = element("input", radio);
       return element("label", "", one.input, one.mode);
     });
     const words = element("legend", "", `Case ${label.replaceAll("'", "′")}, mode`);
-    shown[0].figure.closest(".cell_output").before(element("fieldset", "tl-atlas", words, ...labels));
-    choose(shown[0]);
-    return { shown, choose };
+    const fieldset = element("fieldset", "tl-atlas", words, ...labels);
+    shown[0].figure.closest(".cell_output").before(fieldset);
+    choose(shown.find(({ figure: { id } }) => `#${id}` === location.hash) ?? shown[0]);
   });
-  function follow() { // a link to a figure leads to its mode
-    for (const { shown, choose } of plates) {
-      const one = shown.find(({ figure: { id } }) => id && `#${id}` === location.hash);
-      if (!one) continue;
-      choose(one);
-      one.figure.scrollIntoView();
-    }
-  }
-  addEventListener("hashchange", follow);
-  document.addEventListener("click", (event) => { // of the same address again, too
-    const link = event.target.closest?.('a[href*="#"]');
-    if (link && link.href === location.href) follow();
-  });
-  follow();
 })();

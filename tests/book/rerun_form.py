@@ -1,5 +1,7 @@
 """Fill the form of the rerun page as a reader does, and read what it says."""
 
+import re
+
 # Messages by parameter, status, commands.
 FILL = """all => {
   const root = document.querySelector('.tl-rerun'), said = node => node.textContent;
@@ -33,6 +35,11 @@ FILL = """all => {
     };
   });
 }"""
+
+
+def as_in_page(line):
+    """A refusal as a page has it, which writes whole numbers without a point."""
+    return re.sub(r"(?<=\d)\.0\b", "", line)
 
 
 def fill(opened, *all_):

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from browser import focused, open_offline, tab_through, write_page
+from browser import open_offline, tab_through, write_page
 
 from thesis_lib.figure_sets.claims.figures import LedgerTable
 from thesis_lib.ledger.verdicts import VERDICTS
@@ -116,41 +116,25 @@ def test_filters_and_a_search_combine_and_are_counted(chromium, path):
         assert opened.page.url == path.resolve().as_uri()
 
 
-def test_the_last_are_folded_until_asked_for(chromium, tmp_path):
-    table = LedgerTable(data={"rows": ROWS[:30], "folded": 10})
-    with open_offline(chromium, write_page(tmp_path / "folded.html", table)) as opened:
-        fold = opened.page.locator(".tl-ledger-fold")
-        assert shown(opened) == list(range(20))
-        fold.click()
-        assert shown(opened) == list(range(30))
-        fold.click()
-        box(opened, "Search").fill(f"d = {100 * 28} mm")  # a search looks everywhere
-        assert shown(opened) == [28]
-
-
 def test_sorting(chromium, path):
     with open_offline(chromium, path) as opened:
         pick(opened, "Chapter", "3")
         rows = those(chapter=3)
 
-        def press(name):
-            button = opened.page.get_by_role("button", name=name, exact=True)
-            button.click()
-            states = opened.page.locator("th[aria-sort]").evaluate_all(
-                "all => all.map(e => e.ariaSort)"
-            )
-            return shown(opened), states
+        def by(order):
+            pick(opened, "Sort by", order)
+            return shown(opened)
 
         number = {i: int(ROWS[i]["place"].split(".")[1]) for i in rows}
         by_place = sorted(rows, key=number.__getitem__)
-        assert press("Place") == (by_place, ["ascending", "none", "none"])
+        assert by("place") == by_place
         known = [i for i in rows if ROWS[i]["ratio"] is not None]
         unknown = those(chapter=3, ratio=None)
         assert unknown
         up = sorted(known, key=lambda i: ROWS[i]["ratio"]) + unknown
-        assert press("Ratio") == (up, ["none", "none", "ascending"])
+        assert by("ratio") == up
         down = sorted(known, key=lambda i: -ROWS[i]["ratio"]) + unknown
-        assert press("Ratio") == (down, ["none", "none", "descending"])
+        assert by("-ratio") == down
         pick(opened, "Verdict", "differs")  # a filter keeps the order
         assert shown(opened) == [i for i in down if ROWS[i]["verdict"] == "differs"]
         opened.page.get_by_role("button", name="Reset").click()
@@ -180,10 +164,9 @@ def test_the_address_keeps_the_filters(chromium, path):
         opened.page.reload()
         assert shown(opened) == wanted
         assert search.input_value() == "mm"
-        ratio = opened.page.get_by_role("columnheader", name="Ratio")
-        ratio.get_by_role("button").click(click_count=2)
+        pick(opened, "Sort by", "-ratio")
         opened.page.reload()
-        assert ratio.get_attribute("aria-sort") == "descending"
+        assert box(opened, "Sort by").input_value() == "-ratio"
         opened.page.get_by_role("button", name="Reset").click()
         assert opened.page.url == f"{start}?other=1#top"
 
@@ -191,16 +174,14 @@ def test_the_address_keeps_the_filters(chromium, path):
 def test_a_link_to_a_claim_shows_it(chromium, path):
     query = f"chapter=2&verdict=agrees#claim-{ROWS[333]['id']}"
     with open_offline(chromium, path, query=query, width=390) as opened:
-        assert shown(opened) == [*those(chapter=2, verdict="agrees"), 333]
-        assert count(opened).endswith("; one is shown by its link")
+        assert shown(opened) == list(range(COUNT))  # whatever the filters
         place = claim(opened, 333).bounding_box()
         assert 0 < place["y"] < 850
-        pick(opened, "Verdict", "")  # the reader's own choice ends the exception
+        pick(opened, "Chapter", "2")
         assert shown(opened) == those(chapter=2)
-        assert opened.page.url.endswith("?chapter=2")
         opened.page.evaluate("name => { location.hash = `claim-${name}`; }", ROWS[400]["id"])
         claim(opened, 400).and_(opened.page.locator("[aria-current=true]")).wait_for()
-        assert shown(opened) == [*those(chapter=2), 400]
+        assert 400 in shown(opened)
     with open_offline(chromium, path, query=f"#claim-{ROWS[207]['id']}") as opened:
         place = claim(opened, 207).bounding_box()  # among rows that were never drawn
         assert 0 < place["y"] < 850
@@ -236,13 +217,12 @@ def test_a_row_says_what_is_stated_and_why_it_differs(chromium, path):
         ]  # fmt: skip
         assert cells.first.locator("a").get_attribute("href") == ROWS[6]["href"]
         assert claim(opened, 400).locator("sup").text_content() == "†"  # not counted
+        shape = "e => getComputedStyle(e, '::before').content"
         shapes = {
-            verdict: claim(opened, those(verdict=verdict)[0])
-            .locator(".tl-ledger-verdict path")
-            .get_attribute("d")
-            for verdict in VERDICTS
+            claim(opened, those(verdict=one)[0]).locator("[data-verdict]").evaluate(shape)
+            for one in VERDICTS
         }
-        assert len(set(shapes.values())) == len(VERDICTS)  # never by colour alone
+        assert len(shapes) == len(VERDICTS)  # never by colour alone
         one = claim(opened, 3)
         one.get_by_role("button", name=re.compile("^why about ")).click()
         second = one.locator(".tl-ledger-second")
@@ -255,20 +235,17 @@ def test_a_row_says_what_is_stated_and_why_it_differs(chromium, path):
 
 def test_everything_by_keyboard(chromium, path):
     with open_offline(chromium, path) as opened:
-        seen = tab_through(opened, 13)
-        controls = ["Chapter", "Case", "Mode", "Verdict", "Kind", "Search", "Reset", "Copy link"]
+        seen = tab_through(opened, 10)
+        controls = ["Chapter", "Case", "Mode", "Verdict", "Kind", "Search", "Sort by"]
         place, what = ROWS[0]["place"], ROWS[0]["what"]
         note = f"note about {place}: {what}"
-        assert seen == [*controls, "Place", "Verdict", "Ratio", place, note]
+        assert seen == [*controls, "Reset", place, note]
         opened.page.keyboard.press("Enter")
         assert claim(opened, 0).locator(".tl-ledger-second").is_visible()
         assert tab_through(opened, 1) == ["Copy"]
         box(opened, "Chapter").focus()
         opened.page.keyboard.press("4")
         assert shown(opened) == those(chapter=4)
-        opened.page.get_by_role("button", name="Ratio").focus()
-        opened.page.keyboard.press("Space")
-        assert focused(opened) == "Ratio"  # sorting leaves the focus
 
 
 def test_the_rows_of_a_phone_are_cards(chromium, path):
@@ -280,7 +257,6 @@ def test_the_rows_of_a_phone_are_cards(chromium, path):
             what, stated = (claim(opened, 2).locator(f".tl-ledger-{one}").evaluate(
                 "e => e.getBoundingClientRect().y") for one in ("what", "stated"))  # fmt: skip
             assert (what < stated - 10) == (width < 700)
-            opened.page.get_by_role("button", name="Ratio").click()  # remains
 
 
 def test_paper_gets_what_the_filters_leave(chromium, path):

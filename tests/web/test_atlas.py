@@ -10,7 +10,7 @@ FIGURE = """<div class="cell"><div class="cell_output"><figure id="fig-{name}"><
 </svg></figure></div></div><p class="tl-under-figure" data-case="{case}" data-mode="{mode}">CSV</p>
 """
 SHOWN = """() => [...document.querySelectorAll('figure')]
-    .filter(one => one.getClientRects().length).map(one => one.id)"""
+    .filter(one => one.checkVisibility()).map(one => one.id)"""
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_a_link_to_a_figure_leads_to_its_mode(chromium, page):
     with open_offline(chromium, page, fresh=True) as opened:
         seen = opened.page
         seen.get_by_role("link").click()
-        seen.wait_for_function("() => document.getElementById('fig-4a-2').offsetHeight > 0")
+        seen.wait_for_function("() => document.getElementById('fig-4a-2').checkVisibility()")
         assert seen.evaluate(SHOWN)[:2] == ["fig-2a-1", "fig-4a-2"]
         seen.goto(f"{page.as_uri()}#fig-2a-3")
         seen.reload()

@@ -107,9 +107,9 @@ def test_a_beam_has_the_law_of_the_library(show):
         )
 
 
-def test_a_part_of_a_mode_or_camera_in_an_address_is_ignored(show):
+def test_an_address_sets_sliders_within_their_range_and_steps(show):
     query = "beam-mode=1.5&beam-cameras=6.5&beam-elevation=40&beam-amplitude=0.7"
     with show("rounding_beam", query=query) as opened:
-        given = {"mode": 3, "cameras": 4, "elevation": 40, "amplitude": 0.7}
+        given = {"mode": 2, "cameras": 7, "elevation": 40, "amplitude": 0.5}
         assert run(opened, "return demo.state") == given
         assert np.all(np.isfinite(run(opened, "return Array.from(demo.scene().variance)")))

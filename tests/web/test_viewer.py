@@ -209,7 +209,7 @@ def test_a_plate_as_maps_whose_cells_are_read(chromium, plates):
         assert colours(other, "map-ideal") == ideal  # its scale follows its values
         assert "× 10⁻⁶ mm" in other.locator(".tl-panel-b").inner_text()
 
-        readout = viewer.get_by_test_id("readout-c")
+        readout = viewer.get_by_test_id("readout")
         cells.nth(64).hover()
         data = computed("plate")
         measured = [one["modes"][0] for one in data["cases"][0]["settings"]]

@@ -121,19 +121,11 @@ NO_SCRIPT_TEXT = "This viewer needs JavaScript; the figures below show the same 
 
 
 def join_modules(front: str, *kinds: str) -> str:
-    """Write a front end and what it imports as one module, without the panels of other kinds.
-
-    What is called a worker is written as text: a page opened from a folder may load no other file,
-    but can start one from what it holds.
-    """
+    """Write a front end and what it imports as one module, without the panels of other kinds."""
     modules = {kind: "" for kind in VIEWER_KINDS if kind not in kinds}
 
     def add_module(name: str, wanted: str = "") -> None:
         if name in modules:
-            return
-        if name.endswith("_worker") and wanted:
-            program = _INDENT_PATTERN.sub("", join_modules(name))
-            modules[name] = f"const {wanted} = {json.dumps(program)};\n"
             return
         modules[name] = ""  # a part stands behind those it needs, also if they need each other
         text = read_asset(f"{name}.js")

@@ -30,7 +30,7 @@ class Viewer(anywidget.AnyWidget):
             …] about the box's centre: the outline, then holes the other way round.
         ``parameter``
             The varied one: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A name
-            that begins with aperture, distance or width is drawn into the camera sketch.
+            that begins with aperture is drawn into the camera sketch.
         ``words``
             ``{"draws": what differs from trial to trial, "predicts": what ``predicted`` means}``.
         ``x_mm``, ``colors``

@@ -106,8 +106,8 @@ class LedgerTable(anywidget.AnyWidget):
     Parameters
     ----------
     data : dict
-        ``{"rows": [row, …], "folded": n}``: one :attr:`thesis_lib.ledger.entries.Entry.row` per
-        claim in the order to show; the last n, 0 by default, are shown only if asked for.
+        ``{"rows": [row, …]}``: one :attr:`thesis_lib.ledger.entries.Entry.row` per claim in the
+        order to show.
     """
 
     _esm = _LEDGER_SCRIPT
@@ -201,8 +201,7 @@ _SEPARATE_ENTRIES = {
 def ledger_table(cube: xr.Dataset) -> LedgerTable:
     """Show all claims, to filter and search: differing ones first, conclusions first of those."""
     found = sorted(ledger.from_cube(cube), key=_importance)
-    folded = sum(entry.kind == "number" and not entry.counted for entry in found)
-    return LedgerTable(data={"rows": [entry.row for entry in found], "folded": folded})
+    return LedgerTable(data={"rows": [entry.row for entry in found]})
 
 
 def _importance(entry: ledger.Entry) -> tuple[bool, int, bool, int, float]:

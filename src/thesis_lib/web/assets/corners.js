@@ -123,20 +123,18 @@ function camera({ name, size: [width, height], image, corners }, changed) {
 
 function render({ model, el }) {
   const all = [], place = html("pre", { tabindex: "0", "data-testid": "lines" });
-  const load = html("a", { download: "corners_px.txt", class: "tl-load" }, "Download");
   const left = html("p", { role: "status" });
   const text = () => all.filter((one) => one.done()).map(formatLine).join("\n");
   function changed() {
     const lacking = all.filter((one) => !one.done()).map((one) => one.name);
     place.textContent = text();
-    load.setAttribute("href", `data:text/plain;charset=utf-8,${encodeURIComponent(`${text()}\n`)}`);
     left.textContent = lacking.length ? `Corners are still wanted of ${lacking.join(", ")}.` : "";
   }
   all.push(...model.get("cameras").map((one) => camera(one, changed)));
   el.classList.add("tl-corners");
   el.append(...all.map((one) => one.node),
     html("h2", {}, "Lines for the manifest"), left, place,
-    html("p", {}, copyButton("Copy", "Copy the lines", text, place), " ", load));
+    html("p", {}, copyButton("Copy", "Copy the lines", text, place)));
   all.forEach((one) => one.draw());
 }
 export default { render };

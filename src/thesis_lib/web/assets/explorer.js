@@ -3,10 +3,11 @@ import { createShapes, createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
   asked, button, clamp, copyButton, field, fill, fixed, followWidth, html, isNumber, keep,
-  linkButton, options, radios, select, show,
+  options, radios, select, show,
 } from "./parts.js";
 import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
+import { formatCommand } from "./request.js";
 
 // --- its state: s structure, m mode, w [width, height] in px, f focal length, d distance and
 // a amplitude in mm, r rest position, c directions of the cameras in degrees, t setup last chosen
@@ -24,9 +25,6 @@ const isLayout = (cameras) => cameras.length >= 2 && cameras.length <= MOST_CAME
   cameras.every(([azimuth, elevation], i) =>
     Math.abs(azimuth) <= 360 && elevation > 0 && elevation <= 90 &&
     cameras.slice(0, i).every((other) => apart(cameras[i], other) > 1e-5));
-
-const refused = (what, given, [low, high], unit, then) =>
-  `${what}: ${given} is out of range, ${low} to ${high}${unit}; it ${then}${unit}.`;
 
 function setupOf(state, { setups, reading }) { // the thesis's setup that a state is, if any
   const known = Object.keys(reading).every((key) => state[key] === reading[key]);
@@ -72,10 +70,7 @@ function toCommand({ s, w, f, d, a, r, c }, { reading }) {
   if (f !== reading.f) values.focal_length_mm = f;
   if (a !== reading.a) values.amplitude_mm = a;
   if (r !== reading.r) values.rest = r;
-  const words = Object.entries(values).map(([key, value]) =>
-    `${key}=${typeof value === "string" ? value : JSON.stringify(value)}`);
-  const quoted = words.map((one) => `-p ${/^[\w=.]+$/.test(one) ? one : `'${one}'`}`);
-  return `thesis run ${s}-arrays ${quoted.join(" ")}`;
+  return formatCommand(`${s}-arrays`, Object.entries(values));
 }
 
 // What the cameras measure: the nominal run and the prediction, then one trial after the other.
@@ -88,12 +83,8 @@ function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
 }
 
 // --- its elements
-const WIDTHS = [320, 640, 1280, 1920];
 const ERRORS = [["mean_error", "Mean error"], ["max_point_error", "Largest error"]];
-const HINT = matchMedia("(pointer: coarse)").matches
-  ? "Drag a camera with a finger, or empty space sideways to turn."
-  : "Drag a camera, or empty space to turn; or arrow keys, Delete. " +
-    "After a click the wheel changes the distance.";
+const HINT = "Drag a camera, or empty space sideways to turn; or press arrow keys, Delete.";
 const percent = (value) => (isNumber(value) ? `${show(value)}\u00a0%` : "–");
 const bandText = ([median, low, high]) =>
   (isNumber(median) ? `${show(median)} (${show(low)}–${show(high)})\u00a0%` : "–");
@@ -114,7 +105,7 @@ function render({ model, el }) {
   const uid = `tl-${Math.random().toString(36).slice(2, 10)}`, refreshers = [];
   const linked = Object.keys(NO_STATE).some((key) => asked(key) !== null);
   const query = linked ? location.search : model.get("address");
-  let setup, built = {}, frame = 0, timer = 0, free = false;
+  let setup, built = {}, frame = 0, timer = 0;
   const app = { // what the view and the shapes need
     colormap, sensorWidth, update, remove, request, result: null,
     state: fromAddress(query, structures),
@@ -148,7 +139,7 @@ function render({ model, el }) {
     refreshers.push(() => {
       whole.href = `explorer.html?${toAddress(app.state, app.structure)}`;
     });
-  } else bottom.append(...linkButton(settle));
+  }
 
   // --- controls
   function add(label, node, refresh, cls = "") {
@@ -166,26 +157,23 @@ function render({ model, el }) {
     const box = select(pairs, {}, write);
     return add(label, box, () => { box.value = read(); }, cls);
   }
-  // Refused when it is left, or at once if no further digit could make it right.
-  function numeric(what, unit, read, range, write, attributes) {
-    const box = html("input", { type: "number", step: "any", ...attributes,
-      oninput: () => take(false), onchange: () => take(true) });
-    const take = (last) => {
-      const value = box.value === "" ? NaN : Math.round(1000 * box.value) / 1000;
-      const [low, high] = range();
-      const hopeless = value > high || value < Math.min(low, 0) || (value === 0 && low > 0);
-      if (value === read()) refuse("");
-      else if (value === clamp(value, [low, high])) write(value);
-      else if (last || hopeless)
-        refuse(refused(what, box.value || "nothing", [low, high], unit, `stays ${read()}`));
-      if (last) box.value = read();
-    };
-    return [box, () => { if (box !== document.activeElement) box.value = read(); }];
+  // Taken as soon as it is within its bounds; when it is left, it is what holds.
+  function numeric(what, read, range, write, attributes = {}) {
+    const box = html("input", { type: "number", step: "any", required: "", ...attributes,
+      oninput() { if (box.checkValidity()) write(Math.round(1000 * box.value) / 1000); },
+      onchange() {
+        const given = box.value || "nothing";
+        if (!box.checkValidity()) refuse(`${what}: given ${given}, allowed: ${box.title}`);
+        box.value = read();
+      } });
+    return [box, () => {
+      const [min, max] = range();
+      Object.assign(box, { min, max, title: `${min} to ${max}` });
+      if (box !== document.activeElement) box.value = read();
+    }];
   }
-  function number(what, unit, read, key, write, cls) {
-    const range = () => limits(app.state, app.structure)[key];
-    const [box, refresh] = numeric(what, ` ${unit}`, read, range, write, { min: 0 });
-    add(`${what} (${unit})`, box, refresh, cls);
+  function number(label, read, key, write, cls) {
+    add(label, ...numeric(label, read, () => limits(app.state, app.structure)[key], write), cls);
   }
   const named = ({ setups }, name) => setups.find(({ id }) => id === name) ?? app.state;
   choice("Structure", "s", [["beam", "Beam"], ["plate", "Plate"]], (s) => {
@@ -198,16 +186,12 @@ function render({ model, el }) {
     const { d, w, c } = named(app.structure, t);
     update({ d, w, c, ...(t ? { t, ...app.structure.reading } : {}) });
   });
-  const common = () => WIDTHS.find((width) => `${sixteenToNine(width)}` === `${app.state.w}`);
-  const sizes = WIDTHS.map((width) => [width, sixteenToNine(width).join(" × ")]);
-  choose("Pixels", [...sizes, ["", "other"]], () => (!free && common()) || "", (width) => {
-    free = !width;
-    update(width ? { w: sixteenToNine(Number(width)) } : {});
-  });
-  ["Width", "Height"].forEach((label, i) => number(label, "px", () => app.state.w[i], "w",
-    (value) => update({ w: app.state.w.with(i, Math.round(value)) }), "tl-ex-size"));
+  number("Width (px)", () => app.state.w[0], "w",
+    (w) => update({ w: sixteenToNine(Math.round(w)) }));
+  number("Height (px)", () => app.state.w[1], "w",
+    (h) => update({ w: app.state.w.with(1, Math.round(h)) }), "tl-ex-more");
   for (const [label, key] of [["Focal length", "f"], ["Distance", "d"], ["Amplitude", "a"]])
-    number(label, "mm", () => app.state[key], key, (value) => update({ [key]: value }),
+    number(`${label} (mm)`, () => app.state[key], key, (value) => update({ [key]: value }),
       "tl-ex-more");
   choose("Rest position", [["rebuilt", "rebuilt too"], ["known", "known"]], () => app.state.r,
     (r) => update({ r }), "tl-ex-more");
@@ -217,10 +201,9 @@ function render({ model, el }) {
     const { c } = app.state, here = list.contains(document.activeElement);
     const angles = [["Azimuth", [-360, 360]], ["Elevation", [0.5, 90]]];
     const boxes = c.map((_, i) => angles.map(([name, range], n) => {
-      const what = `${name} of camera ${i + 1}`;
       const put = (value) => update({ c: app.state.c.with(i, app.state.c[i].with(n, value)) });
-      return numeric(what, "°", () => app.state.c[i][n], () => range, put,
-        { "aria-label": `${what} in degrees` });
+      const label = `${name} of camera ${i + 1} in degrees`;
+      return numeric(label, () => app.state.c[i][n], () => range, put, { "aria-label": label });
     }));
     const off = (isOff) => ({ disabled: isOff ? "" : null });
     list.replaceChildren(...boxes.map((pair, i) =>
@@ -291,7 +274,6 @@ function render({ model, el }) {
     }
     Object.assign(built, { structure, count: state.c.length });
     [...refreshers, built.list].forEach((one) => one());
-    controls.dataset.free = free || !common();
     code.textContent = toCommand(state, structure);
     view.draw();
     shapes.draw();
@@ -314,12 +296,11 @@ function render({ model, el }) {
     if (!isLayout(next.c)) return refuse("No two cameras may stand in one place.");
     const [low, high] = limits(next, structures[next.s]).d, given = next.d;
     next.d = clamp(given, [low, high]);
-    refuse(next.d === given ? ""
-      : refused("Distance", `${given} mm`, [low, high], " mm", `is now ${next.d}`));
+    refuse(next.d === given ? "" : `Distance (mm): given ${given}, allowed: ${low} to ${high}`);
     Object.assign(app, { state: next, result: null });
     request();
   }
-  function refuse(words) { if (refusal.textContent !== words) refusal.textContent = words; }
+  function refuse(words) { refusal.textContent = words; }
   // The address follows when the reader pauses.
   function settle() { keep(NO_STATE, location.hash, toAddress(app.state, app.structure)); }
 

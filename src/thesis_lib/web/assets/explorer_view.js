@@ -1,8 +1,8 @@
 // Drawings of the explorer: the bent structure with cameras that can be dragged along their
 // hemisphere, and its shapes, curves along a beam or maps of a plate; `app` is of explorer.js.
 import { axes } from "./chart.js";
-import { colourOf } from "./maps.js";
-import { ARROWS, circle, clamp, fill, html, lines, mark, path, show, svg, text } from "./parts.js";
+import { colourBar, colourOf } from "./maps.js";
+import { ARROWS, circle, clamp, fill, html, lines, mark, path, svg, text } from "./parts.js";
 import { markers, modeShape } from "./physics.js";
 import { towards } from "./pinhole.js";
 import {
@@ -97,11 +97,6 @@ export function createView(app) {
     const held = { camera, side: Math.sign(dot(tips[camera], viewer)) || 1, beyond: false };
     return ([nowX, nowY]) => place(held, nowX - x + tipX, nowY - y + tipY);
   });
-  node.addEventListener("wheel", (event) => { // once the view has the focus: else the page scrolls
-    if (!node.contains(document.activeElement) || !event.deltaY) return;
-    event.preventDefault();
-    app.update({ d: Math.round((app.state.d * 1.04 ** Math.sign(event.deltaY)) / 5) * 5 });
-  }, { passive: false });
   cameras.addEventListener("keydown", (event) => {
     const i = Number(event.target.dataset.camera), [x, y] = ARROWS[event.key] ?? [];
     const step = event.shiftKey ? 10 : 1, [azimuth, elevation] = app.state.c[i];
@@ -158,22 +153,20 @@ export function createShapes(app) {
         { viewBox: `0 0 ${nx} ${ny}`, preserveAspectRatio: "none" });
       canvas.append(...cells);
       const colors = app.colormap.slice(n < 2 ? 0 : app.colormap.length >> 1); // errors: from zero
-      const ends = [html("i"), html("i")];
-      const bar = html("i", { style: `background: linear-gradient(90deg, ${colors})` });
-      return { cells, ends, node: html("figure", {}, html("figcaption", {}, name), canvas,
-        html("span", { class: "tl-ex-scale" }, ends[0], bar, ends[1])) };
+      const scale = html("div");
+      return { cells, colors, scale,
+        node: html("figure", {}, html("figcaption", {}, name), canvas, scale) };
     });
     node.replaceChildren(...shown.map((map) => map.node));
     return ({ reference, measured, errors: { point, largest } }) => {
       const most = Math.max(...reference.map(Math.abs)), limit = above(largest, PERCENT);
-      const words = [show(-1000 * most), `${show(1000 * most)} mm`];
-      [[reference, most, words], [measured, most, words], [point, limit, ["0", `${limit} %`]]]
-        .forEach(([values, full, labels], n) => {
-          const { cells, ends } = shown[n];
-          cells.forEach((cell, i) =>
-            fill(cell, { fill: colourOf(app.colormap, values[i] || 0, full) }));
-          ends.forEach((end, i) => { end.textContent = labels[i]; });
-        });
+      [reference, measured, point].forEach((values, n) => {
+        const { cells, colors, scale } = shown[n], full = n < 2 ? most : limit;
+        cells.forEach((cell, i) =>
+          fill(cell, { fill: colourOf(app.colormap, values[i] || 0, full) }));
+        scale.replaceChildren(n < 2 ? colourBar(colors, 1000 * most, "mm")
+          : colourBar(colors, limit, "%", "", 0));
+      });
     };
   }
 

@@ -1,6 +1,6 @@
 // Planned cameras around a structure, to be turned. Front end of thesis_lib.planning.report.
 import {
-  asked, field, figure, fill, followWidth, heightOf, html, keep, linkButton, options, path, resize,
+  asked, field, figure, fill, followWidth, heightOf, html, keep, options, path, resize,
   select, svg, text, xy,
 } from "./parts.js";
 import { RAD, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable } from "./space.js";
@@ -32,7 +32,7 @@ function render({ model, el }) {
   const names = { "aria-label": "Planned cameras", "data-testid": "layouts", onchange: remember };
   const root = html("section", { class: "tl-viewer tl-layouts", ...names },
     html("div", { class: "tl-controls" }, plans.length > 1 && field("Plan", which),
-      field("Cameras", of), linkButton(remember)),
+      field("Cameras", of)),
     words, panel.node, html("div", { class: "tl-scroll", tabindex: 0 }, table), link);
   let plan, option;
 

@@ -8,11 +8,6 @@ export function colourOf(colormap, value, most) {
 }
 export const channelsOf = (colour) => // red, green and blue up to 255
   [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
-// Luminance decides whether what lies on a colour is drawn dark or light.
-export function isDark(colour) {
-  const [red, green, blue] = channelsOf(colour);
-  return 0.3 * red + 0.59 * green + 0.11 * blue < 128;
-}
 
 // How to write values up to `most`: very small and very large ones in powers of ten of their unit.
 export function scaleOf(most, unit) {
@@ -43,18 +38,11 @@ export function createMap(width, [left, right], [low, high], xTitle, yTitle) {
   return { node, x, y, unit, frame };
 }
 
-export function colourBar(id, colormap, most, unit, words, width) {
-  const scale = scaleOf(most, unit), first = 14, end = width - 14, long = end - first;
-  const stops = colormap.map((colour, i) =>
-    svg("stop", { offset: i / (colormap.length - 1), "stop-color": colour }));
-  const box = { x: first, y: 1, width: long, height: 10 }, limit = most / scale.factor;
-  const numbers = ticks(-limit, limit, Math.min(5, long / 38));
-  const at = (value) => first + ((value / limit + 1) / 2) * long;
-  return html("div", { class: "tl-scale" }, html("span", {}, `${words} (${scale.unit})`),
-    svg("svg", { width, height: 30, viewBox: `0 0 ${width} 30`, "aria-hidden": "true" },
-      svg("linearGradient", { id }, ...stops),
-      svg("rect", { class: "tl-frame", ...box, fill: `url(#${id})` }),
-      ticksBelow(numbers, at, box.y + box.height)));
+export function colourBar(colors, most, unit, words = "", least = -most) {
+  const scale = scaleOf(most, unit), digits = Math.max(0, scale.digits - 1);
+  const end = (value) => html("span", {}, fixed(value / scale.factor, value ? digits : 0));
+  return html("div", { class: "tl-scale" }, html("span", {}, `${words} (${scale.unit})`), end(least),
+    html("i", { style: `background: linear-gradient(90deg, ${colors})` }), end(most));
 }
 
 // Three maps in a row, or on a phone as many as `narrow` says; px.

@@ -18,16 +18,13 @@ function render({ model, el }) {
   const motion = createMotion([move]), panel = figure("a", svg("svg"), "");
   const strength = html("input", { type: "range", min: 0, max: STRONGEST, step: 0.05, value: 1,
     "data-testid": "strength", oninput: () => draw() });
-  const whiskers = html("input", { type: "checkbox", checked: "", "data-testid": "whiskers",
-    onchange: () => move(phase) });
   const names = { "aria-label": "The measured shape", "data-testid": "measured" };
   const root = html("section", { class: "tl-viewer tl-measured", ...names },
     html("p", { class: "tl-summary", "aria-live": "polite" },
       `${points.length} markers, up to ${most.toPrecision(3)} mm. Colours show the deflection at ` +
       "each instant; whiskers are two standard errors either way."),
-    html("div", { class: "tl-controls" }, field("Drawn larger", strength),
-      field("Whiskers (2 ±)", whiskers)), panel.node,
-    colourBar("tl-measured-scale", colormap, most, "mm", "deflection", 260), motion.node);
+    html("div", { class: "tl-controls" }, field("Drawn larger", strength)), panel.node,
+    colourBar(colormap, most, "mm", "deflection"), motion.node);
   const scene = svg("g"), shape = svg("g", { class: "tl-measured-shape" });
   let at = null, phase = 0; // the place of a marker on the screen, set when drawn
   const polygons = faces.map(() => path("tl-face", "")), bars = edges.map(() => path("tl-mesh", ""));
@@ -68,7 +65,7 @@ function render({ model, el }) {
     errors.forEach((node, i) => {
       const [low, high] = [-2, 2].map((k) => at(i, w[i] + k * error[i]));
       const cap = ([x, y]) => `M${xy([x - 3, y])}h6`, stem = `M${xy(low)}V${high[1].toFixed(1)}`;
-      fill(node, { d: whiskers.checked ? stem + cap(low) + cap(high) : "" });
+      fill(node, { d: stem + cap(low) + cap(high) });
     });
   }
 

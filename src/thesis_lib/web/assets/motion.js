@@ -2,8 +2,7 @@
 import { button, fill, html, icon, options, path, select, show } from "./parts.js";
 import { inView, pixelate, project } from "./pinhole.js";
 
-const PERIOD = 2400; // ms of a period on the screen, at speed 1
-const SPEEDS = [[0.25, "¼ ×"], [0.5, "½ ×"], [1, "1 ×"], [2, "2 ×"]];
+const PERIOD = 2400; // ms of a period on the screen
 
 // Calls the functions `draws` with the phase in rad, in each frame while it plays and is in sight.
 // It plays by itself if `unasked` and motion is not to be reduced; in print the phase is 0.
@@ -12,13 +11,11 @@ export function createMotion(draws, unasked = true) {
   const player = button("", { class: "tl-play", "data-testid": "play" }, () => play(!wanted));
   const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase",
     oninput() { play(false); put(Number(slider.value)); }, "aria-valuetext": "0°" });
-  const speed = select(SPEEDS, { "data-testid": "speed" }, tellSpeed, 1), visible = new Set();
-  const degrees = html("span", { "aria-hidden": "true" }, "0°");
+  const visible = new Set(), degrees = html("span", { "aria-hidden": "true" }, "0°");
   const slowed = html("span", { class: "tl-slowed" });
   const node = html("div", { class: "tl-time" }, player,
-    html("div", { class: "tl-phase" }, html("label", {}, "phase ωt", slider), degrees),
-    html("label", { class: "tl-speed" }, "speed", speed), slowed);
-  let phase = 0, wanted = false, frame = 0, hertz = 0; // degrees
+    html("div", { class: "tl-phase" }, html("label", {}, "phase ωt", slider), degrees), slowed);
+  let phase = 0, wanted = false, frame = 0; // degrees
 
   const redraw = () => draws.forEach((draw) => draw((phase * Math.PI) / 180));
   function put(angle) {
@@ -28,13 +25,9 @@ export function createMotion(draws, unasked = true) {
     slider.setAttribute("aria-valuetext", degrees.textContent);
     redraw();
   }
-  function tellSpeed() {
-    const times = show((hertz * PERIOD) / 1000 / speed.value);
-    slowed.textContent = hertz ? `slowed ${times} times` : "";
-  }
   function step(now, before) { // while it is wanted and can be seen
     const on = wanted && node.isConnected && visible.size > 0 && !print.matches;
-    if (on) put((phase + ((now - before) / PERIOD) * speed.value * 360) % 360);
+    if (on) put((phase + ((now - before) / PERIOD) * 360) % 360);
     frame = on ? requestAnimationFrame((next) => step(next, now)) : 0;
   }
   const follow = () => { frame ||= requestAnimationFrame((start) => step(start, start)); };
@@ -55,7 +48,7 @@ export function createMotion(draws, unasked = true) {
   return {
     node, put, redraw,
     watch: (...nodes) => [node, ...nodes].forEach((one) => observer.observe(one)), // while in sight
-    at(frequency) { hertz = frequency; tellSpeed(); }, // Hz
+    at(hertz) { slowed.textContent = hertz ? `slowed ${show((hertz * PERIOD) / 1000)} times` : ""; },
     stop() {
       play(false);
       observer.disconnect();

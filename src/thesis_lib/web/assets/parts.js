@@ -1,7 +1,7 @@
 // Shared parts: elements, numbers, marks, figures, pointer and width, address, buttons that copy.
 
 // Each kind of structure registers its own panels here, by the name in `structure.kind`: a function
-// of (study, uid) that returns {figures, draw()} and if needed highlight() and stop().
+// of (study) that returns {figures, draw()} and if needed highlight() and stop().
 export const KINDS = {};
 
 // --- elements
@@ -156,7 +156,7 @@ export function keep(values, hash = location.hash, address = null) {
   } catch { /* some browsers refuse in a local file */ }
 }
 
-// --- buttons that copy: a command, the address of what is shown
+// --- buttons that copy a command
 // Without a clipboard, or permission, the text is shown in `node` and selected.
 export function copyButton(words, label, textOf, node) {
   const names = { class: "tl-copy", "aria-label": label, "aria-live": "polite" };
@@ -173,8 +173,4 @@ export function copyButton(words, label, textOf, node) {
     setTimeout(() => { made.textContent = words; }, 2500);
   });
   return made;
-}
-export function linkButton(settle = () => {}) { // to what is shown now
-  const node = html("span", { class: "tl-link" });
-  return [copyButton("Copy link", null, () => { settle(); return location.href; }, node), node];
 }

@@ -1,18 +1,17 @@
 // Panels of a plate: (b) the reference and (c) the measured shapes, as maps of its markers.
-import { colourBar, colourOf, createMap, isDark, mapWidth, scaleOf, written } from "./maps.js";
-import {
-  ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, path, placeIn, show, svg,
-} from "./parts.js";
+import { colourBar, colourOf, createMap, mapWidth, scaleOf, written } from "./maps.js";
+import { ARROWS, KINDS, clamp, entitle, figure, fill, html, isNumber, show, svg } from "./parts.js";
 
-KINDS.plate = (study, uid) => {
+KINDS.plate = (study) => {
   const [b, c] = ["b", "c"].map((letter) => {
     const canvas = html("div", { class: "tl-maps", tabindex: 0, onkeydown: walk });
     const panel = figure(letter, canvas), scale = html("div");
-    const readout = html("p", { class: "tl-readout", "data-testid": `readout-${letter}` });
-    panel.canvas.after(scale, readout);
-    return { ...panel, scale, readout, cursors: [] };
+    panel.canvas.after(scale);
+    return { ...panel, scale, cursors: [] };
   });
-  fill(c.readout, { "aria-live": "polite" });
+  const readout = html("p",
+    { class: "tl-readout", "data-testid": "readout", "aria-live": "polite" });
+  c.scale.after(readout);
   let cell = null; // the pointed one
 
   function limit() { // over all settings, so that the scale stays while settings are compared
@@ -29,30 +28,20 @@ KINDS.plate = (study, uid) => {
   // --- one map
   function drawMap(panel, deflections, most, testid, heading) {
     const { length_mm: length, width_mm: across } = study.data.structure, [nx, ny] = study.data.grid;
-    const { x_mm: xs, y_mm: ys, colormap } = study.data;
     const { node, x, y, unit, frame } =
       createMap(mapWidth(study, 1), [0, length], [0, across], "X (mm)", "Y (mm)");
     const size = { width: (unit * length) / nx, height: (unit * across) / ny };
-    const rowOf = (n) => Math.floor(n / nx), left = x(0), top = y(across);
-    const corner = (n) =>
-      ({ x: left + size.width * (n % nx), y: top + size.height * (ny - 1 - rowOf(n)) });
-    const cells = svg("g", { class: "tl-cells" }), dots = ["", ""];
-    deflections.forEach((value, n) => {
-      if (!isNumber(value)) return;
-      const colour = colourOf(colormap, value, most);
-      cells.append(svg("rect", { ...corner(n), ...size, fill: colour }));
-      dots[isDark(colour) ? 1 : 0] += `M${x(xs[n % nx])} ${y(ys[rowOf(n)])}h0`;
-    });
+    const corner = (n) => ({ x: x(0) + size.width * (n % nx),
+      y: y(across) + size.height * (ny - 1 - Math.floor(n / nx)) });
+    const cells = svg("g", { class: "tl-cells" }, deflections.map((value, n) => isNumber(value) &&
+      svg("rect", { ...corner(n), ...size, "data-n": n,
+        fill: colourOf(study.data.colormap, value, most) })));
     const cursor = svg("g", { class: "tl-cursor" },
       svg("rect", { class: "tl-halo", ...size }), svg("rect", size));
-    const pointAt = (event) => {
-      const [px, py] = placeIn(node.getBoundingClientRect(), event);
-      const ix = Math.floor((px - left) / size.width), iy = ny - 1 - Math.floor((py - top) / size.height);
-      point(ix >= 0 && ix < nx && iy >= 0 && iy < ny ? iy * nx + ix : null);
-    };
+    const pointAt = ({ target: { dataset } }) => point("n" in dataset ? Number(dataset.n) : null);
     fill(node, { onpointerdown: pointAt, onpointermove: pointAt,
       onpointerleave(event) { if (event.pointerType === "mouse") point(null); } },
-    cells, path("tl-dots", dots[0]), path("tl-dots tl-light", dots[1]), frame(), cursor);
+    cells, frame(), cursor);
     panel.canvas.append(html("div", { class: "tl-map", "data-testid": testid },
       html("p", { class: "tl-maphead" }, heading), node));
     panel.cursors.push((n) => {
@@ -71,12 +60,9 @@ KINDS.plate = (study, uid) => {
     for (const move of [...b.cursors, ...c.cursors]) move(cell);
     const scale = scaleOf(limit(), "mm");
     const value = (list) => (isNumber(list[cell]) ? written(list[cell], scale) : "–");
-    if (cell === null) {
-      b.readout.textContent = "Point at a cell, or focus and press the arrow keys, to read it.";
-      c.readout.textContent =
-        "In (d), point at a bar to show its setting; click or press Enter to keep it.";
-      return;
-    }
+    readout.textContent = "Point at a cell, or focus and press the arrow keys, to read it. " +
+      "In (d), point at a bar to show its setting; click or press Enter to keep it.";
+    if (cell === null) return;
     const { x_mm: x, y_mm: y, grid: [nx] } = study.data;
     const place = `X ${x[cell % nx].toFixed(0)} mm, Y ${y[Math.floor(cell / nx)].toFixed(0)} mm`;
     const measured = shown().map((i) => {
@@ -84,8 +70,8 @@ KINDS.plate = (study, uid) => {
       const error = errors ? `, error ${show(errors[cell])}\u00a0%` : "";
       return `${study.nameOf(i)}: ${value(list)}${error}`;
     });
-    b.readout.textContent = `${place}: reference ${value(study.mode().reference_mm)}`;
-    c.readout.textContent = [b.readout.textContent, ...measured].join("; ");
+    const reference = `${place}: reference ${value(study.mode().reference_mm)}`;
+    readout.textContent = [reference, ...measured].join("; ");
   }
   function walk(event) {
     const [nx, ny] = study.data.grid, [dx, dy] = ARROWS[event.key] ?? [];
@@ -109,14 +95,14 @@ KINDS.plate = (study, uid) => {
   return {
     figures: [b.node, c.node],
     draw() {
-      const most = limit(), wide = Math.min(mapWidth(study, 1) - 110, 240);
+      const most = limit();
       const help = "Arrow keys move from marker to marker.";
       entitle(b, study, "img", "Reference shape", "", help);
       entitle(c, study, "img", "Measured shapes", "", help);
       clear(b);
       drawMap(b, study.mode().reference_mm, most, "map-ideal", "ideal");
-      [b, c].forEach(({ scale }, n) => scale.replaceChildren(
-        colourBar(`${uid}-scale-${n}`, study.data.colormap, most, "mm", "deflection", wide)));
+      for (const { scale } of [b, c])
+        scale.replaceChildren(colourBar(study.data.colormap, most, "mm", "deflection"));
     },
     highlight: drawMeasured,
   };

@@ -17,8 +17,8 @@ function render({ model, el }) {
     shown.splice(0, Infinity, ...planes.map((plane, i) =>
       createPressure(wide, plane, halves[i], decoded[i], most, `${plane.name} plane`,
         { "aria-label": `pressure on ${plane.name}` })));
-    panel.canvas.replaceChildren(...shown.map(({ element }) => element), colourBar(
-      "tl-radiated-scale", colormap, most, "Pa", "pressure", Math.min(width, 260)));
+    panel.canvas.replaceChildren(...shown.map(({ element }) => element),
+      colourBar(colormap, most, "Pa", "pressure"));
     motion.redraw();
   }
   motion.at(frequency);

@@ -1,14 +1,13 @@
 // A request of chapter 3 or 4 computed in the page: its settings, as in facts/setups.py, refusals
-// beyond bounds, in the words of figure_sets/parametric, and the viewer's data from the results of
-// a worker. Values are as in request.js: whole numbers are BigInt, objects are Maps.
+// beyond bounds, in the words of figure_sets/parametric, and the viewer's data.
 import { isNumber, show } from "./parts.js";
-import { MOST_CAMERAS } from "./physics.js";
+import { MOST_CAMERAS, bandOf, markers, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
-import source from "./recompute_worker.js";
 import { formatGeneral, formatGiven } from "./request.js";
 
 const DRAWS = 200;
 const MOST_IMAGES = 1e6; // of markers, in a page
+const SLICE = 20; // ms until the page may do something else
 
 // --- settings, by what is varied; `facts` are the thesis's
 const pairOf = ({ azimuth_deg: azimuth, elevation_deg: elevation }) =>
@@ -27,24 +26,24 @@ const SETTINGS = {
     return opened.map(([alpha, ...cameras]) =>
       ({ case: name, value: alpha, label: `${formatGeneral(alpha)}°`, cameras }));
   }),
-  resolution: (v) => v.widths_px.map(Number).map((width) => {
+  resolution: (v) => v.widths_px.map((width) => {
     const size = [width, rint((width * 9) / 16)];
     return { case: "3", value: width, label: size.join("×"), cameras: pairOf(v), size };
   }),
   arrays: (v, { pairs, order: usual }) => {
     const grown = v.cases.map((name) => {
-      const order = v.pair_order.get(name) ?? usual[name] ?? "printed";
+      const order = v.pair_order[name] ?? usual[name] ?? "printed";
       const ordered = order === "reversed" ? pairs[name].toReversed() : pairs[name];
       return [name, order, ordered.map((_, n) => ordered.slice(0, n + 1).flat())];
     });
-    const own = [...v.layouts].map(([name, sets]) => [name, "", sets]);
+    const own = Object.entries(v.layouts).map(([name, sets]) => [name, "", sets]);
     return [...grown, ...own].flatMap(([name, order, sets]) => sets.map((cameras) => ({
       case: name, value: cameras.length, label: `${cameras.length} cameras`, cameras, order,
     })));
   },
 };
 function peaksOf({ amplitude_mm: given, modes }, { peaks }) { // in m
-  if (given === "force") return modes.map((mode) => Number(peaks[Number(mode) - 1]));
+  if (given === "force") return modes.map((mode) => Number(peaks[mode - 1]));
   return modes.map((_, i) => (Array.isArray(given) ? given[i] : given) / 1000);
 }
 
@@ -67,25 +66,26 @@ function findProblem(values, settings, peaks, facts, { length, width }) {
   for (const one of settings) {
     const same = findCoincident(one);
     if (!same) continue;
-    const field = layouts?.has(one.case) ? "layouts" : same[0][1] < 90 ? "azimuth_deg"
+    const own = layouts && Object.hasOwn(layouts, one.case);
+    const field = own ? "layouts" : same[0][1] < 90 ? "azimuth_deg"
       : one.case in opposite ? "elevations_deg" : "elevation_deg";
     const place = [formatGiven(one.case), one.label];
     return refuse(field, same,
       place.reduce((text, part) => text.replace("{}", () => part), conditions.places));
   }
   if (!layouts) return "";
-  if (!cases.length && !layouts.size) return refuse("cases", cases, conditions.cases);
-  const grow = [...layouts.values()]
+  const names = Object.keys(layouts), own = names.every((name) => !Object.hasOwn(pairs, name));
+  if (!cases.length && !names.length) return refuse("cases", cases, conditions.cases);
+  const grow = Object.values(layouts)
     .every((sets) => sets.every((one, i) => !i || sets[i - 1].length < one.length));
-  const own = [...layouts.keys()].every((name) => !Object.hasOwn(pairs, name));
   return grow && own ? "" : refuse("layouts", layouts, conditions.layouts);
 }
-function findLimit({ estimator, noise_px: noise, modes }, settings, markers) { // of a page, or ""
+function findLimit({ estimator, noise_px: noise, modes }, settings, count) { // of a page, or ""
   if (estimator !== "least-squares") return `the estimator ${estimator}`;
   if (noise > 0) return "noise in the images";
   const counts = settings.map((one) => one.cameras.length), most = Math.max(...counts);
   if (most > MOST_CAMERAS) return `${most} cameras (a page takes ${MOST_CAMERAS})`;
-  const images = counts.reduce((sum, count) => sum + count, 0) * (modes.length + 1) * markers;
+  const images = counts.reduce((sum, one) => sum + one, 0) * (modes.length + 1) * count;
   return images > MOST_IMAGES ? `${images} images of markers (a page takes ${MOST_IMAGES})` : "";
 }
 
@@ -95,13 +95,13 @@ function planRequest({ subject, study, others }, values, facts) {
   const unknown = Object.keys(others).find((name) => formatGiven(values[name]) !== others[name]);
   if (unknown) return { left: `the parameter ${unknown}` };
   const given = facts.structures[subject], peaks = peaksOf(values, given);
-  const common = { distance: values.distance_mm, size: values.resolution_px?.map(Number) };
+  const common = { distance: values.distance_mm, size: values.resolution_px };
   const settings = SETTINGS[study](values, facts).map((one) => ({ ...common, ...one }));
   const problem = findProblem(values, settings, peaks, facts, given);
   if (problem) return { problem };
   const structure = given.row
     ? { ...given, row: { ...given.row, first: values.first_marker_mm / 1000 } }
-    : { ...given, grid: values.grid.map(Number) };
+    : { ...given, grid: values.grid };
   const [nx, ny] = structure.grid ?? [given.row.count, 1];
   const left = findLimit(values, settings, nx * ny);
   if (left) return { left };
@@ -111,7 +111,7 @@ function planRequest({ subject, study, others }, values, facts) {
       cameras: values.azimuth_zero === "X" ? one.cameras.map(turn) : one.cameras,
       focal: (values.focal_length_mm * one.size[0]) / values.sensor_width_mm,
       known: values.rest === "known", offset: values.principal_offset_px })),
-    structure, shapes: values.modes.map((mode, i) => ({ mode: Number(mode), peak: peaks[i] })),
+    structure, shapes: values.modes.map((mode, i) => ({ mode, peak: peaks[i] })),
   };
 }
 
@@ -119,15 +119,16 @@ function planRequest({ subject, study, others }, values, facts) {
 const toMm = (values) => Array.from(values, (value) => 1000 * value);
 
 // What the viewer draws, before the draws. `facts` are those of figure_sets/parametric/in_page.py.
-function describeResults(set, plan, found, values, facts) {
+function describeResults({ set, plan, values, runs }, facts) {
   const { settings, structure, shapes } = plan, { grid, hertz, length, width } = structure;
-  const [x, y] = found.markers.map((axis) => toMm(axis).map((v) => Math.round(1e3 * v) / 1e3));
+  const [x, y] = markers(structure)
+    .map((axis) => toMm(axis).map((v) => Math.round(1e3 * v) / 1e3));
   const known = new Map(set.published.map(([name, value, order, mode, ...statistics]) =>
     [[name, value, order, mode].join(), statistics]));
   const all = settings.map((one, i) => ({
-    label: one.label, value: one.value, resolution: one.size, in_view: found.settings[i].inView,
+    label: one.label, value: one.value, resolution: one.size, in_view: runs[i].inView,
     cameras: one.cameras.map((direction) => [one.distance, ...direction]),
-    modes: found.settings[i].modes.map(({ measured, errors, predicted }, m) => {
+    modes: runs[i].modes.map(({ measured, errors, predicted }, m) => {
       const before = known.get([one.case, one.value, one.order ?? "", shapes[m].mode].join());
       const [mean, median, low, high] = before ?? [];
       return { measured_mm: toMm(measured), point_error: errors.point, mean: errors.mean,
@@ -144,7 +145,7 @@ function describeResults(set, plan, found, values, facts) {
       y_mm: y.filter((_, n) => n % grid[0] === 0) } : { x_mm: x }),
     lens: Object.fromEntries(facts.lens.map((name) => [name, values[name]])), all,
     modes: shapes.map(({ mode }, m) => ({ mode, frequency_hz: hertz[mode - 1],
-      reference_mm: toMm(found.settings[0].modes[m].reference) })),
+      reference_mm: toMm(runs[0].modes[m].reference) })),
     cases: [...new Set(settings.map((one) => one.case))].map((name) => ({
       name, title: ownPair || (set.titles[name] ?? "own layout"), figures: {},
       settings: all.filter((_, i) => settings[i].case === name),
@@ -178,56 +179,46 @@ function compareResults({ all }) {
 }
 
 // `put` takes the viewer's data, whenever there is more; `looked` returns the name of the case in
-// sight; `failed` is called where a page may not compute.
-export function createRecompute(facts, put, looked, failed) {
-  let worker = null, last = 0, waiting = null, frame = 0;
-  function indices({ settings }) { // of the settings in sight
-    const { case: shown } = settings.find((one) => one.case === looked()) ?? settings[0];
-    return settings.flatMap((one, i) => (one.case === shown ? [i] : []));
-  }
-
-  function start() {
-    const address = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
-    worker = new Worker(address);
-    URL.revokeObjectURL(address);
-    worker.onmessage = ({ data }) => { if (data.id === last) take(data); };
-    worker.onerror = (event) => { event.preventDefault(); failed(); };
-  }
-  function take(found) {
-    const { set, plan, values } = waiting;
-    if (found.settings)
-      return put(waiting.data = describeResults(set, plan, found, values, facts));
-    waiting.data.all[found.index].modes.forEach((one, m) => {
-      const [median, low, high] = found.bands[m];
-      Object.assign(one, { median, low, high });
-    });
-    frame ||= requestAnimationFrame(() => {
-      frame = 0;
-      if (waiting?.data) put(waiting.data = { ...waiting.data });
-    });
+// sight. The page stays fluid, for it computes in slices.
+export function createRecompute(facts, put, looked) {
+  let job = null, jobs = 0;
+  const { port1, port2 } = new MessageChannel(); // timers hardly run where a page is hidden
+  port1.onmessage = ({ data }) => { if (data === job?.id) work(job); };
+  function work(own) { // nominal runs of all settings, then draws of each one, those in sight first
+    const { plan: { settings, structure, shapes }, runs, left } = own;
+    const end = performance.now() + SLICE;
+    let hasMore = false;
+    while (job === own && performance.now() < end) {
+      const isInSight = (i) => settings[i].case === looked(), n = left.find(isInSight) ?? left[0];
+      if (runs.length < settings.length) {
+        runs.push(simulateSetting(settings[runs.length], structure, shapes));
+        if (runs.length === settings.length) put(own.data = describeResults(own, facts));
+      } else if (n === undefined) break;
+      else if (runs[n].modes[0].means.length < DRAWS) runs[n].draw();
+      else {
+        left.splice(left.indexOf(n), 1);
+        own.data.all[n].modes.forEach((one, m) => {
+          const [median, low, high] = bandOf(runs[n].modes[m].means);
+          Object.assign(one, { median, low, high });
+        });
+        hasMore = true;
+      }
+    }
+    if (job !== own) return;
+    if (hasMore) put(own.data = { ...own.data });
+    if (left.length) port2.postMessage(own.id);
   }
   return {
     // Begins to compute a request, or returns why it is refused or left to the command.
     ask(name, values) {
       const set = facts.sets[name], plan = planRequest(set, values, facts);
-      if (!plan.settings) {
-        this.stop();
-        return plan;
-      }
-      try { if (!worker) start(); } catch {
-        return { left: "what this browser does not let a page do beside itself" };
-      }
-      last += 1;
-      waiting = { set, plan, values };
-      worker.postMessage({ ...plan, id: last, draws: DRAWS, first: indices(plan) });
-      return {};
+      job = plan.settings
+        ? { id: jobs += 1, set, plan, values, runs: [], left: [...plan.settings.keys()] } : null;
+      if (job) work(job);
+      return plan;
     },
-    prefer() { if (waiting) worker.postMessage({ first: indices(waiting.plan) }); },
-    stop() {
-      last += 1;
-      waiting = null;
-    },
-    data: () => waiting?.data,
-    comparison: () => (waiting?.data ? compareResults(waiting.data) : ""),
+    stop() { job = null; },
+    data: () => job?.data,
+    comparison: () => (job?.data ? compareResults(job.data) : ""),
   };
 }

@@ -1,10 +1,8 @@
 // The rerun form: a figure set or chapter, its parameters, the command that runs it with them, and
-// for beam and plate the results, computed in the page; for one set alone a compact one.
-import { asked, button, copyButton, html, keep, linkButton, options } from "./parts.js";
+// for beam and plate the results, computed in the page; above the viewer of one set it is folded.
+import { asked, button, copyButton, html, keep, options } from "./parts.js";
 import { createRecompute } from "./recompute.js";
-import {
-  dumps, formatCommand, formatPapermill, judge, parseTyped, readDefault,
-} from "./request.js";
+import { dumps, formatCommand, judge, parseTyped } from "./request.js";
 import viewer from "./viewer.js";
 
 // --- the controls of parameters: what is typed, what is allowed, what is wrong with it
@@ -38,7 +36,8 @@ function createField(field, id, text, more, changed) {
   const { name, meaning, unit, allowed, typed, schema } = field;
   const described = { id, "aria-describedby": `${id}-hint ${id}-problem` };
   const [node, now] = createControl(field, text, id, described), isGroup = node.matches("div");
-  const usual = readDefault(field), all = isGroup && usual.length === choicesOf(schema).length;
+  const usual = parseTyped(field, typed);
+  const all = isGroup && usual.length === choicesOf(schema).length;
   const hint = `Allowed: ${allowed}. Default: ${all ? "all" : typed}. ${more}`.trimEnd();
   const problem = html("p", { id: `${id}-problem`, class: "tl-rerun-problem" });
   const body = html("div", { class: "tl-rerun-row", "data-parameter": name },
@@ -47,7 +46,7 @@ function createField(field, id, text, more, changed) {
     html("div", { class: "tl-rerun-value" }, node, unit ? html("span", {}, unit) : ""),
     html("p", { id: `${id}-hint`, class: "tl-rerun-hint" }, hint), problem);
   body.addEventListener("input", () => changed(now()));
-  return { name, body, now, usual,
+  return { name, body, now,
     report(found) { // says what is wrong, and whether it is another value than the default
       const other = Boolean(found.problem) || dumps(found.value) !== dumps(usual);
       problem.textContent = found.problem ?? "";
@@ -58,9 +57,6 @@ function createField(field, id, text, more, changed) {
 }
 
 // --- the form
-const FIRST_FIELDS = ["cases", "distances_mm", "half_apertures_deg", "elevations_deg", "widths_px",
-  "distance_mm", "azimuth_deg", "elevation_deg", "resolution_px", "focal_length_mm",
-  "amplitude_mm"]; // what stands first in a compact form
 const ELSEWHERE =
   "The page draws its own pixel grids; estimators, noise, trials and seed are for the command.";
 
@@ -80,50 +76,40 @@ function renderForm({ model, el }) {
       ...options([[name, `${name}: all its figure sets`]]), ...pairsOf(one.sets))),
     ...pairsOf(every.filter((name) => !inChapters.includes(name))));
   const note = html("p", { class: "tl-rerun-note" });
-  const [form, more] = ["", ""].map(() => html("div", { class: "tl-rerun-rows" }));
+  const form = html("div", {});
   const status = html("p", { class: "tl-rerun-status", "aria-live": "polite" });
   const sentence = html("p", { class: "tl-rerun-sentence", "aria-live": "polite" });
   const figure = html("div", { class: "tl-rerun-figure", hidden: "" });
   const see = button("See the result", { class: "tl-rerun-see", hidden: "" },
     () => figure.scrollIntoView());
-  const code = html("code"), mill = html("code");
-  const line = (label, node) => html("div", { class: "tl-rerun-command" }, html("pre", {}, node),
-    copyButton("Copy", label, () => node.textContent, node));
-  const output = html("div", { class: "tl-rerun-output" }, line("Copy the command", code),
-    html("details", {}, html("summary", {}, "The same with papermill"),
-      line("Copy papermill's command", mill)));
-  const result = html("div", { class: "tl-rerun-result" }, status, sentence, see);
-  const others = html("details", { class: "tl-rerun-more" },
-    html("summary", {}, "All parameters"), more, html("p", { class: "tl-rerun-note" }, ELSEWHERE));
-  const title = html("h3", { class: "tl-rerun-title" },
-    "Change a parameter: the page computes it again");
+  const code = html("code");
+  const output = html("div", { class: "tl-rerun-output" }, html("pre", {}, code),
+    copyButton("Copy", "Copy the command", () => code.textContent, code));
+  const result = html("div", { class: "tl-rerun-result" }, status, sentence, see, output);
   const head = html("div", { class: "tl-rerun-head" },
     compact ? "" : html("label", {}, html("span", {}, "Figure set or chapter"), chooser),
-    button("Reset", {}, reset), ...linkButton(writeAddress));
-  const names = { class: `tl-rerun${compact ? " tl-rerun-compact" : ""}` };
-  const root = html("section", { ...names, "aria-label": "A rerun with your parameters" },
-    ...(compact ? [title, form, others, result, output, head] : [head, note, form, result]));
-  if (!compact) result.append(output);
+    button("Reset", {}, reset));
+  const words = "Change a parameter: the page computes it again";
+  const parts = compact // above the viewer it is folded
+    ? html("details", {}, html("summary", {}, words), form,
+      html("p", { class: "tl-rerun-note" }, ELSEWHERE), result, head)
+    : [head, note, form, result];
+  const names = { class: "tl-rerun", "aria-label": "A rerun with your parameters" };
+  const root = html("section", names, parts);
   const chosen = () => chapters[chooser.value] ??
     { ...sets[chooser.value], sets: [chooser.value], differ: [] };
 
   // --- results in the page
-  const recompute = createRecompute(here, put, () => model.get("case"), () =>
-    tell("This browser lets no page compute beside itself; the command runs it."));
+  const recompute = createRecompute(here, put, () => model.get("case"));
   function put(data) {
     model.set("data", data);
     figure.hidden = see.hidden = !data;
     if (data && !figure.firstChild) viewer.render({ model, el: figure });
     const compared = recompute.comparison();
-    if (compared) tell(`${describeChanges()} ${compared}`);
+    const which = rows.some((one) => one.other) ? "these" : "the published";
+    if (compared) tell(`With ${which} parameters ${compared}`);
   }
   function tell(words) { if (sentence.textContent !== words) sentence.textContent = words; }
-  function describeChanges() {
-    const those = rows.filter((one) => one.other)
-      .map((one) => `${one.name} ${one.now()} in place of ${fields[one.n].typed}`);
-    if (!those.length) return "With the published parameters";
-    return `With ${those.length > 3 ? `${those.length} other parameters` : those.join(", ")}`;
-  }
   function compute(judged) { // begins, if there is something to compute; says what is refused
     const name = chooser.value, values = {};
     for (const { name: field, n } of rows) values[field] = judged.get(n).value;
@@ -149,25 +135,17 @@ function renderForm({ model, el }) {
   }
 
   // --- the form
-  function describe(run) { // what the command does; of a chapter also its sets, to choose one
-    if (!chapters[chooser.value]) return [run.takes];
-    const words = [`The command below runs all ${run.sets.length} figure sets of the chapter, `,
-      "each with those of the parameters that it has. ", run.takes];
-    if (run.differ.length) words.push(` The sets differ in ${run.differ.join(", ")}: ` +
-      "choose one set to change these.");
-    const computed = run.sets.some((one) => here.sets[one]);
-    words.push(computed ? " The page computes one set at a time: " : " One set alone: ");
-    return [...words, ...run.sets.flatMap((one) => [button(one, {}, () => choose(one)), " "])];
-  }
-  function choose(name) {
-    chooser.value = name;
-    build();
-    writeAddress();
-    chooser.focus();
+  function describe(run) { // what the command does
+    if (!chapters[chooser.value]) return run.takes;
+    const names = run.differ.join(", "), computed = run.sets.some((one) => here.sets[one]);
+    return `The command below runs all ${run.sets.length} figure sets of the chapter, ` +
+      `each with those of the parameters that it has. ${run.takes}` +
+      (names && ` The sets differ in ${names}: choose one set to change these.`) +
+      (computed ? " The page computes one set at a time." : "");
   }
   function build() {
     const run = chosen();
-    note.replaceChildren(...describe(run));
+    note.textContent = describe(run);
     rows = run.shown.map((n) => {
       const holders = run.sets.filter((one) => sets[one].shown.includes(n));
       const hint = holders.length < run.sets.length ? `Only in ${holders.join(", ")}.` : "";
@@ -176,13 +154,11 @@ function renderForm({ model, el }) {
           texts.set(n, text);
           update();
         });
-      return Object.assign(row, { n, first: !compact || FIRST_FIELDS.includes(row.name) });
+      return { ...row, n };
     });
-    const bodies = (first) => rows.filter((row) => row.first === first).map(({ body }) => body);
-    form.replaceChildren(...bodies(true));
-    more.replaceChildren(...bodies(false));
+    form.replaceChildren(...rows.map(({ body }) => body));
     update();
-    others.open = rows.some((row) => row.other && !row.first);
+    if (compact) parts.open ||= rows.some((row) => row.other);
   }
   function update() { // all rows, the line that the command would print, or the commands
     const judged = new Map(rows.map(({ n, now }) => [n, judge(fields[n], now())]));
@@ -190,8 +166,7 @@ function renderForm({ model, el }) {
     for (const row of rows) {
       const { problem, value } = judged.get(row.n);
       row.other = row.report(judged.get(row.n));
-      const same = problem || value === row.usual; // −0 is 0
-      if (row.other && !same) given.set(row.n, [row.name, value]);
+      if (row.other && !problem) given.set(row.n, [row.name, value]);
     }
     const faults = run.sets.flatMap((one) => sets[one].checked.filter((n) => judged.get(n)?.problem)
       .map((n) => `thesis: ${one}: ${judged.get(n).problem}`));
@@ -202,11 +177,9 @@ function renderForm({ model, el }) {
     status.textContent = refused || (size === 0 ? "As published, no parameter changed:"
       : `${size} parameter${size === 1 ? " differs" : "s differ"} from the default:`);
     if (refused) return;
-    const among = (numbers) => numbers.filter((n) => given.has(n)).map((n) => given.get(n));
     const order = sets[chooser.value]?.checked ?? run.shown;
-    code.textContent = formatCommand(chooser.value, among(order));
-    mill.textContent = run.sets
-      .map((one) => formatPapermill(one, among(sets[one].checked))).join("\n");
+    code.textContent = formatCommand(chooser.value,
+      order.filter((n) => given.has(n)).map((n) => given.get(n)));
   }
 
   // --- the address: ?set=beam-distance&azimuth_deg=45
@@ -234,7 +207,6 @@ function renderForm({ model, el }) {
   readAddress();
   chooser.addEventListener("change", build);
   root.addEventListener("change", writeAddress);
-  model.on("change:case", recompute.prefer);
   root.recompute = { model, data: recompute.data }; // for tests
   el.replaceChildren(root, figure);
   build();

@@ -2,7 +2,7 @@
 import { axes } from "./chart.js";
 import {
   asked, button, circle, clamp, figure, fill, fixed, followDrag, followWidth, html, keep, lines,
-  linkButton, path, resize, svg, text,
+  path, resize, svg, text,
 } from "./parts.js";
 import { markers, measureDeflections, randomNumber, simulateSetting } from "./physics.js";
 import { pixelate, radians } from "./pinhole.js";
@@ -18,7 +18,7 @@ function createSlider(state, set, [words, key, , [min, max], step, digits, unit]
     oninput: () => set({ [key]: Number(box.value) }) });
   const node = html("label", { class: "tl-field tl-demo-slider" },
     html("span", {}, `${words} `, shown), box);
-  return { node, refresh() {
+  return { node, key, box, refresh() {
     box.value = state[key];
     shown.textContent = `${fixed(state[key], digits)}${unit}`;
     fill(box, { "aria-valuetext": shown.textContent });
@@ -46,15 +46,13 @@ function render({ model, el }) {
   const remember = () => // in the address
     keep(Object.fromEntries(rows.map(([, key, usual]) =>
       [`${name}-${key}`, state[key] === usual ? null : state[key]])));
-  for (const [, key, , range, step, digits] of rows) { // what makes no sense is ignored
-    const value = Number(asked(`${name}-${key}`) || NaN), steps = (value - range[0]) / step;
-    const isWhole = digits > 0 || Math.abs(steps - Math.round(steps)) < 1e-9; // as a mode must be
-    if (value === clamp(value, range) && isWhole) set({ [key]: value });
+  for (const { key, box } of sliders) { // the browser keeps it to the slider's range and steps
+    box.value = asked(`${name}-${key}`) || state[key];
+    state[key] = Number(box.value);
   }
   const handlers = { onchange: remember, onclick: remember, onpointerup: remember };
   const root = html("section", { class: "tl-viewer tl-demo", "aria-label": label, ...handlers },
-    html("div", { class: "tl-controls" }, sliders.map(({ node }) => node), built.buttons,
-      linkButton(remember)),
+    html("div", { class: "tl-controls" }, sliders.map(({ node }) => node), built.buttons),
     html("div", { class: "tl-grid" }, Object.values(panels).map(({ node }) => node)), status);
   function refresh() {
     waiting = 0;

@@ -57,52 +57,36 @@ export function createSketch(panel, study) { // returns what draws it
     }
 
     // Cameras: pyramids with the tip at the centre of projection. One that several highlighted
-    // settings share has the first one's colour, and grows for the next ones if these are few.
-    const seen = new Map(), pyramids = [];
-    const layouts = new Set(shown.map((i) => String(every[i].cameras)));
-    const nested = shown.length < 3 || layouts.size === 1;
+    // settings share has the first one's colour.
+    const seen = new Set(), pyramids = [];
     function pyramid(camera, style = null) {
-      const [distance, ...angles] = camera, copies = seen.get(String(camera)) ?? 0;
-      if (copies && !(nested && style)) return;
-      seen.set(String(camera), copies + 1);
-      const tip = times(towards(angles), distance);
-      const drawn = drawCamera(space, tip, 0.12 * radius * (1 + 0.4 * copies));
-      if (style && !copies) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
+      const [distance, ...angles] = camera, tip = times(towards(angles), distance);
+      if (seen.has(String(camera))) return;
+      seen.add(String(camera));
+      const drawn = drawCamera(space, tip, 0.12 * radius);
+      if (style) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
       pyramids.push([dot(tip, viewer),
         svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`, style }, drawn)]);
     }
     for (const i of shown) for (const camera of every[i].cameras) pyramid(camera, study.tint(i));
     for (const one of every) for (const camera of one.cameras) pyramid(camera);
     scene.push(...pyramids.sort(([one], [two]) => one - two).map(([, group]) => group));
-    resize(panel, width, height).replaceChildren(...scene, ...drawParameter(every, shown, space));
+    resize(panel, width, height).replaceChildren(...scene, ...drawAperture(every, shown, space));
   }
 
-  function drawParameter(every, shown, { flat, line }) { // where it has a place in the sketch
-    const { name } = study.data.parameter, scene = [], notes = [];
-    const isAperture = name.startsWith("aperture"), isDistance = name.startsWith("distance");
-    const isShown = isDistance || name.startsWith("width") || (isAperture && shown.length < 3);
-    if (isShown) shown.forEach((i, n) => {
-      const [one, two] = every[i].cameras.map(([, ...angles]) => towards(angles));
-      const [[distance]] = every[i].cameras, pixels = every[i].resolution, style = study.tint(i);
-      let at = plus(flat(times(one, distance)), [44, 10]); // beside the camera
-      if (isAperture && two) { // the angle between the first two optical axes
-        const angle = Math.acos(dot(one, two) * 0.99999);
-        const size = (distance * (0.66 - 0.2 * n)) / Math.sin(angle);
-        const arc = trace((t) => plus(times(one, size * Math.sin((1 - t) * angle)),
-          times(two, size * Math.sin(t * angle))), 32);
-        scene.push(line("tl-arc", arc, "", style));
-        at = flat(arc[16]);
-      } else if (isDistance)
-        scene.push(line("tl-arc", [[0, 0, 0], times(one, distance)], "", style));
-      const labelled = isAperture || isDistance || !pixels;
-      notes.push([...at, labelled ? every[i].label : `${pixels.join(" × ")} px`]);
+  function drawAperture(every, shown, { flat, line }) { // between the first two optical axes
+    if (!study.data.parameter.name.startsWith("aperture") || shown.length > 2) return [];
+    return shown.flatMap((i, n) => {
+      const { cameras: [[distance]], cameras, label } = every[i];
+      const [one, two] = cameras.map(([, ...angles]) => towards(angles));
+      if (!two) return [];
+      const angle = Math.acos(dot(one, two) * 0.99999);
+      const size = (distance * (0.66 - 0.2 * n)) / Math.sin(angle);
+      const arc = trace((t) => plus(times(one, size * Math.sin((1 - t) * angle)),
+        times(two, size * Math.sin(t * angle))), 32);
+      const [x, y] = flat(arc[16]);
+      return [line("tl-arc", arc, "", study.tint(i)), text(x, y - 5, label, "tl-note")];
     });
-    notes.sort((one, two) => two[1] - one[1]).forEach((note, n) => {
-      const [x, y, words] = note, [lastX, lastY] = notes[n - 1] ?? [Infinity];
-      if (Math.abs(x - lastX) < 100) note[1] = Math.min(y, lastY - 15);
-      scene.push(text(Math.max(56, Math.min(study.width - 56, x)), note[1] - 5, words, "tl-note"));
-    });
-    return scene;
   }
 
   turnable(panel.canvas, view, 0, draw);

@@ -3,7 +3,7 @@ import { amplitude, createPressure, decode, playFields } from "./field.js";
 import { colourBar, mapWidth } from "./maps.js";
 import { KINDS, entitle, figure, html, isNumber } from "./parts.js";
 
-KINDS.sound = (study, uid) => {
+KINDS.sound = (study) => {
   const b = figure("b", html("div", { class: "tl-planes" }), "b, c");
   const shown = [], motion = playFields(shown, study.data.colormap);
 
@@ -26,8 +26,7 @@ KINDS.sound = (study, uid) => {
     const [ideal, errors] = [list.slice(0, 1), list.slice(1)].map((part) => // each on its own scale
       Math.max(0, ...part.map(([, field]) => amplitude(field))));
     const bars = [[ideal, "pressure"], [errors, "error"]].filter(([most]) => most)
-      .map(([most, words]) => colourBar(`${uid}-${name}-${words}`, colormap, most, unit, words,
-        Math.min(width, 260)));
+      .map(([most, words]) => colourBar(colormap, most, unit, words));
     const maps = list.map(([words, field, i], n) => {
       const names = { "data-testid": `field-${name}-${words.split(" ").at(-1)}`,
         "aria-label": `${words} on ${name}` };

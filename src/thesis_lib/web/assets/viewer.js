@@ -3,7 +3,7 @@
 import { createBars } from "./bars.js";
 import { createImage, createMotion } from "./motion.js";
 import {
-  KINDS, asked, field, figure, fill, fixed, followWidth, html, icon, isNumber, keep, linkButton,
+  KINDS, asked, field, figure, fill, fixed, followWidth, html, icon, isNumber, keep,
   mark, path, radios, range, select, show, svg, swatch,
 } from "./parts.js";
 import { hemisphereCameras, radians } from "./pinhole.js";
@@ -109,7 +109,6 @@ function render({ model, el }) {
   const [a, d] = ["a", "d"].map((letter) => figure(letter, svg("svg")));
   const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight, remember);
   const image = createImage(), motion = createMotion([sketch.move, image.show]);
-  const link = onPage && !model.get("form") ? linkButton(remember) : []; // else the form has it
   let panels = null; // of the kind of structure
 
   // --- controls
@@ -128,7 +127,7 @@ function render({ model, el }) {
         study.compare = value;
         highlight();
         remember();
-      }), ...link);
+      }));
   }
 
   // --- the address of a page: ?case=2a&mode=3, and what is compared or pinned
@@ -212,7 +211,7 @@ function render({ model, el }) {
     const all = known ? [controls, title, key, summary, grid] : ["No results to show."];
     root.replaceChildren(...all);
     if (!known) return;
-    panels = KINDS[kind](study, uid);
+    panels = KINDS[kind](study);
     root.dataset.kind = kind;
     grid.replaceChildren(a.node, ...(data.lens ? [image.node] : []), ...panels.figures, d.node);
     if (data.x_mm) a.node.append(motion.node); else motion.node.remove(); // a sound has its own
