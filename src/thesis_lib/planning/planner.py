@@ -19,8 +19,8 @@ from pydantic_core import PydanticCustomError
 
 from thesis_lib.arrays import Array, stack_padded
 from thesis_lib.planning import errors, positions, search, sound
-from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
-from thesis_lib.planning.positions import Body, Scene, candidate_positions
+from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information
+from thesis_lib.planning.positions import Body, Scene, candidate_positions, too_near
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import label_values, read_variables
@@ -67,14 +67,6 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     if found := [field for field, one in eased.items() if len(candidate_positions(one, step))]:
         text = " or ".join(_text(request, field) for field in found)
         return ImpossibleError(f"{nowhere} {text} (any of these eased alone leaves places)")
-    bare = scene
-    for field in OPTION_FIELDS:
-        if field not in ("tilt_deg", "in_view"):
-            bare = ease_limit(bare, field)
-    seen = positions.visible_markers(bare, candidate_positions(bare, step))
-    if not np.any(positions.shows_enough(bare, seen)):
-        both = f"{_text(request, 'tilt_deg')} and {_text(request, 'in_view')}"
-        return ImpossibleError(f"plan: markers are never in view; binding: {both}")
     why = "several limits together, of which to ease one alone is not enough"
     return ImpossibleError(f"{nowhere} {why}")
 
@@ -89,14 +81,9 @@ def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> Impo
             f"places, and two cameras must see it; binding: {_text(request, 'tilt_deg')}, "
             f"{_text(request, 'elevations_deg')}, {_text(request, 'azimuths_deg')}"
         )
-    open_ = ease_limit(scene, "separation_mm")
-    known, near = place_information(open_, grid), too_near(open_, grid)
-    layout, _ = exchange_cameras(known, near, [-1] * count, request.objective)
-    if -1 not in layout and np.isfinite(layout_cost(open_, grid[layout], request.objective)):
-        apart = _text(request, "separation_mm")
-        return ImpossibleError(f"plan: {count} cameras find no room; binding: {apart}")
-    both = f"{_text(request, 'counts')} and {_text(request, 'in_view')}"
-    return ImpossibleError(f"plan: {count} cameras cannot see every marker twice; binding: {both}")
+    binding = " or ".join(_text(request, f) for f in ("separation_mm", "counts", "in_view"))
+    no_layout = f"{count} cameras find no room, or cannot see every marker twice"
+    return ImpossibleError(f"plan: {no_layout}; binding: {binding}")
 
 
 def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
@@ -133,7 +120,7 @@ def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
     if not len(grid):
         return np.inf
     known = place_information(scene, grid)
-    chosen, _ = exchange_cameras(known, too_near(scene, grid), [-1] * n, request.objective)
+    chosen, _ = exchange_cameras(known, too_near(scene, grid, grid), [-1] * n, request.objective)
     return np.inf if -1 in chosen else errors.combined_cost(known[:, chosen], request.objective)
 
 
@@ -250,12 +237,10 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
     """Return plans for the shape, each moved for the sound; no bound of theirs is known."""
     sounds, goal = request.sounds, request.goal
     assert goal != "shape"
-    about: dict[float, search.Surroundings] = {}
     found = []
     for one in options:
-        around = about.setdefault(one.scene.aspect, search.Surroundings(one.scene))
         width = one.resolution[0]
-        layout = sound.move_cameras(sounds, around, one.layout, width, goal)
+        layout = sound.move_cameras(sounds, one.scene, one.layout, width, goal)
         by_shape, own = (
             sound.predict_sound_errors(sounds, one.scene, each, width, goal)
             for each in (one.layout, layout)

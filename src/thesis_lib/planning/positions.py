@@ -158,7 +158,6 @@ def whole_steps(layout: Array) -> NDArray[np.int_]:
 
 LIMIT_SLACK = 1e-9  # relative: what stands on a limit is allowed
 _TRIED_DISTANCES = 8  # distances tried from the nearest that sees enough outwards
-_NEVER_RAD = 10.0  # rad: as far inside as no angle is
 _MAX_IMAGES = 2_000_000  # images at a time, which bounds the memory
 
 
@@ -180,11 +179,6 @@ class Rules:
     #: Forbidden directions: least and largest azimuth, least and largest elevation, shape
     #: (sectors, 4)
     sectors: Array
-
-    @property
-    def least_gap(self) -> float:
-        """Return the distance below which two cameras are too close, in m, but for rounding."""
-        return self.separation * (1 - LIMIT_SLACK)
 
 
 @dataclass(frozen=True)
@@ -262,12 +256,12 @@ def region_clearances(scene: Scene, places: Array) -> Array:
     rows += [np.max(np.maximum(b[:, 0] - where, where - b[:, 1]), axis=1) for b in rules.boxes]
     for low, high, bottom, top in rules.sectors:
         middle, half = (low + high) / 2, (high - low) / 2
-        aside = np.abs(np.mod(places[:, 0] - middle + np.pi, 2 * np.pi) - np.pi) - half
+        aside = np.abs(np.mod(places[:, 0] - middle + np.pi, 2 * np.pi) - np.pi)
         # a whole turn has no way out to the side, nor one that holds a pole beyond the pole
-        sides = [aside if half < np.pi - LIMIT_SLACK else np.full(len(places), -_NEVER_RAD)]
-        sides += [bottom - places[:, 1]] if bottom > LIMIT_SLACK - np.pi / 2 else []
-        sides += [places[:, 1] - top] if top < np.pi / 2 - LIMIT_SLACK else []
-        rows.append(np.max(sides, axis=0))
+        half = half if half < np.pi - LIMIT_SLACK else np.inf
+        bottom = bottom if bottom > LIMIT_SLACK - np.pi / 2 else -np.inf
+        top = top if top < np.pi / 2 - LIMIT_SLACK else np.inf
+        rows.append(np.max([aside - half, bottom - places[:, 1], places[:, 1] - top], axis=0))
     return np.array(rows).reshape(-1, len(places))
 
 
@@ -292,12 +286,22 @@ def shows_enough(scene: Scene, seen: Mask) -> Mask:
     return seen.mean(axis=1) >= scene.rules.in_view - LIMIT_SLACK
 
 
-def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
-    """Return which positions are far enough from all others, shape (places,)."""
+def too_near(scene: Scene, places: Array, others: Array) -> Mask:
+    """Return which positions are too near which others, shape (places, others)."""
     from scipy.spatial.distance import cdist  # late: the list of figure sets needs no SciPy
 
     gap = cdist(camera_centres(scene, places), camera_centres(scene, others))
-    return np.asarray(np.all(gap >= scene.rules.least_gap, axis=1))
+    return np.asarray(gap < max(scene.rules.separation * (1 - LIMIT_SLACK), 1e-9))
+
+
+def is_allowed(scene: Scene, layout: Array) -> bool:
+    """Return whether a layout keeps all rules."""
+    return bool(np.all(are_permitted(scene, layout))) and is_spaced(scene, layout)
+
+
+def is_spaced(scene: Scene, layout: Array) -> bool:
+    """Return whether the cameras of a layout are far enough from each other."""
+    return bool(too_near(scene, layout, layout).sum() == len(layout))  # each is near itself
 
 
 def candidate_positions(scene: Scene, step: float) -> Array:
