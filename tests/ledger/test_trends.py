@@ -166,7 +166,8 @@ def test_a_clear_trend_is_found_under_noise(test, by, holds, more):
 
 
 def test_every_word_is_tried_both_ways():
-    assert list(trends.TREND_TESTS) == list(claims.RELATION_WORDS)
+    used = {one.test.partition(" ")[0] for one in claims.read_trends()}
+    assert used <= set(trends.TREND_TESTS)
     for holds in (True, False):
         assert {test.partition(" ")[0] for test, _, held, _ in CLEAR if held == holds} == set(
             trends.TREND_TESTS
