@@ -227,27 +227,24 @@ def _same_trends(evidence: Evidence, _: str) -> Mask:
     )
 
 
-TREND_PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
+TREND_PARTS = {"": slice(None), "last": slice(-1, None)}
 
 
-def _below(evidence: Evidence, argument: str) -> Mask:
-    """``below 40``, ``below 10 last``: less than that."""
-    bound, _, which = argument.partition(" ")
-    part = TREND_PARTS[which]
-    return _all((errors[part] < float(bound)).all(axis=0) for errors in evidence.series)
+def _bounded(compare: Callable[[Array, float], Mask], is_rounded: bool = False) -> Test:
+    """Return ``below 40``, ``at_most 10 last``: less than that, or at most that as printed."""
 
+    def test(evidence: Evidence, argument: str) -> Mask:
+        bound, _, which = argument.partition(" ")
+        most, part = float(bound) + is_rounded * half_digit(bound), TREND_PARTS[which]
+        return _all(compare(errors[part], most).all(axis=0) for errors in evidence.series)
 
-def _at_most(evidence: Evidence, argument: str) -> Mask:
-    """``at_most 40``, ``at_most 10 last``: at most that, rounded as it is printed."""
-    bound, _, which = argument.partition(" ")
-    most = float(bound) + half_digit(bound)
-    return _all((errors[TREND_PARTS[which]] <= most).all(axis=0) for errors in evidence.series)
+    return test
 
 
 def _above(evidence: Evidence, argument: str) -> Mask:
     """``above 5 first``: at least one of the series is above that in its first setting."""
-    bound, _, _ = argument.partition(" ")
-    return np.logical_or.reduce([errors[0] > float(bound) for errors in evidence.series])
+    bound = float(argument.removesuffix(" first"))
+    return np.logical_or.reduce([errors[0] > bound for errors in evidence.series])
 
 
 def _peaks(evidence: Evidence, argument: str) -> Mask:
@@ -362,8 +359,8 @@ TREND_TESTS: dict[str, Test] = {
     "mostly_no_trend": _mostly_no_trend,
     "same_pattern": lambda evidence, _: _each(_down)(evidence, "") | _each(_up)(evidence, ""),
     "same_trends": _same_trends,
-    "below": _below,
-    "at_most": _at_most,
+    "below": _bounded(np.less),
+    "at_most": _bounded(np.less_equal, is_rounded=True),
     "above": _above,
     "peaks": _peaks,
     "highest_last": _each(lambda errors: np.argmax(errors, axis=0) == len(errors) - 1),
