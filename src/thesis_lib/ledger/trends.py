@@ -15,23 +15,8 @@ neighbouring settings, the trend is not monotonic, which is said next to the ver
 A test gets the :class:`~thesis_lib.ledger.verdicts.Evidence` and an argument, and returns for each
 draw of the errors whether the statement is true of it.
 
-What the words mean, for all trends alike. One effect is the smallest that counts,
-``MIN_MATERIAL_FALL``, so no errors both fall and rise, and none that fall or rise are flat:
-
-falls (rises)
-    The last expected error is below the first (the first below the last) by more than that effect,
-    and more pairs of settings are in this order than in the other.
-flat
-    The least is below the largest by no more than that effect. Of a single run, whose errors
-    scatter, the thesis's own usage counts: all are within the interval that it prints; if it prints
-    none, the largest is at most ``ONE_RUN_FLAT`` times the least.
-no trend
-    It neither falls nor rises, or is flat.
-within, flat within
-    Every expected error lies in the interval that is printed, its ends give or take
-    ``MIN_MATERIAL_FALL``.
-alike
-    The means (geometric, over the settings) are at most ``MAX_ALIKE_RATIO`` times each other.
+What the words mean, for all trends alike, the ledger's page states, and the functions below. One
+effect is the smallest that counts, so no errors both fall and rise, and none of these are flat.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -158,6 +143,7 @@ def is_less(errors: Array | float, others: Array | float) -> Mask:
 
 
 def _down(errors: Array) -> Mask:
+    """Return whether the last error is below the first, and most pairs are in this order."""
     ordered = sum(np.sign(errors[i] - errors[j]) for i, j in combinations(range(len(errors)), 2))
     return is_less(errors[-1], errors[0]) & (ordered > 0)
 
@@ -167,6 +153,7 @@ def _up(errors: Array) -> Mask:
 
 
 def _flat(errors: Array, one_run: bool) -> Mask:
+    """Return whether the least is not below the largest, in one run by the thesis's own usage."""
     least, largest = errors.min(axis=0), errors.max(axis=0)
     return largest <= ONE_RUN_FLAT * least if one_run else ~is_less(least, largest)
 
@@ -176,6 +163,7 @@ def _trendless(errors: Array, one_run: bool) -> Mask:
 
 
 def _close(first: Array, second: Array) -> Mask:
+    """Return whether two (geometric) means are alike."""
     return np.asarray(np.maximum(first, second) <= MAX_ALIKE_RATIO * np.minimum(first, second))
 
 

@@ -1,21 +1,9 @@
 """Judge claimed values by one rule, which interval is met; errors of cubes as series, for trends.
 
-The rule holds for every claim and was set before looking:
-
-agrees
-    The nominal run is inside the stated value or interval, give or take half a unit of the last
-    digit that is printed.
-within scatter
-    Else, the 5–95 % band of the trials, widened by 1 point (0.5 if the stated value is below 10 %),
-    meets the stated value or interval.
-differs
-    Neither.
-undefined
-    There is nothing to compare with; a reason is given.
-
-Upper and lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about
-all settings holds if it holds for each. Where the text excepts one marker, the second-largest error
-is meant.
+The rule holds for every claim and was set before looking; the ledger's page states it. Upper and
+lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about all
+settings holds if it holds for each. Where the text excepts one marker, the second-largest error is
+meant.
 
 Trends are judged by :mod:`thesis_lib.ledger.trends`, on the series.
 """

@@ -1,18 +1,7 @@
 """A structure from a file: markers with normals, mode shapes and frequencies, as netCDF.
 
-The file has dimensions ``point`` and ``mode`` and, as xarray writes them,
-
-============================  ==================  =======================================
-variable                      dimensions          meaning
-============================  ==================  =======================================
-``x``, ``y``, ``z``           point               markers at rest in m
-``nx``, ``ny``, ``nz``        point               normals; without them +Z
-``shape``                     mode, point         deflection along the normal, in any scale
-``frequency``                 mode                natural frequency in Hz
-``mode``                      mode                optional: its number, else 1, 2, …
-============================  ==================  =======================================
-
-Anything else in the file is left alone. The peak of a mode is its largest deflection in the file.
+The page *The planner* lists its variables, with dimensions ``point`` and ``mode`` as xarray writes
+them. Anything else in the file is left alone. The peak of a mode is its largest deflection in it.
 """
 
 from collections.abc import Sequence

@@ -185,12 +185,10 @@ def read_published(name: str) -> pd.DataFrame | None:
     listed = next((one for one in LISTED_VARIABLES if one in table), "")
     keys = [listed] if listed else [*ROW_KEYS, "error"]
     columns = LISTED_VARIABLES.get(listed, (*keys, *STATISTIC_NAMES))
-    if not isinstance(table.index, pd.RangeIndex):  # which pandas makes of it
-        raise CubeError(describe_damage(path, "line 2 has a value too many"))
-    if set(table) != set(columns):
-        raise CubeError(describe_damage(path, f"other columns than {', '.join(columns)}"))
-    if (repeated := table.duplicated(keys)).any():
-        raise CubeError(describe_damage(path, f"line {repeated.idxmax() + 2} repeats another"))
+    is_shifted = not isinstance(table.index, pd.RangeIndex)  # by a value too many
+    if is_shifted or set(table) != set(columns) or table.duplicated(keys).any():
+        needed = f"needs the columns {', '.join(columns)}, and each {', '.join(keys)} once"
+        raise CubeError(describe_damage(path, needed))
     return table
 
 
