@@ -289,18 +289,6 @@ def test_file_gives_unit_normals_and_shapes_with_a_peak_of_one(tmp_path):
     assert structure_file.read_body(written(tmp_path, numbered), [7]).frequencies.tolist() == [55.0]
 
 
-def test_a_file_of_the_older_format_is_the_same_structure(tmp_path):
-    old = tmp_path / "old.nc"
-    strip().to_netcdf(old, engine="scipy", format="NETCDF3_CLASSIC")
-    paths = old, written(tmp_path, strip())
-    one, other = (structure_file.read_body(path, [1, 2]) for path in paths)
-    np.testing.assert_array_equal(one.points, other.points)
-    np.testing.assert_array_equal(one.shapes, other.shapes)
-    old.write_bytes(old.read_bytes()[:-40])
-    with pytest.raises(structure_file.MeshError, match=r"^[^\n]*old\.nc[^\n]*$"):
-        structure_file.read_body(old, [1, 2])
-
-
 def test_the_pages_example_of_a_file_can_be_planned_for(tmp_path, monkeypatch):
     page = Path(__file__).parents[2] / "book" / "planner.md"
     (code,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)

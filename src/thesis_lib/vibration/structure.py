@@ -139,13 +139,7 @@ def peak_deflection(structure: Structure, mode: int, force: float = 1.0) -> floa
     return float(abs(q) * structure.shape_peak(mode))
 
 
-def deflection_shape(
-    structure: Structure,
-    mode: int,
-    points: ArrayLike,
-    peak: float | None = None,
-    force: float | None = None,
-) -> Array:
+def deflection_shape(structure: Structure, mode: int, points: ArrayLike, peak: float) -> Array:
     """Return the single-mode deflection at the instant of its maximum (eq. 3.7), in m.
 
     The instant is that of the largest |Re q|: at resonance q is almost purely imaginary, so the
@@ -159,26 +153,14 @@ def deflection_shape(
         Mode number from 1.
     points : array_like, shape (2, ...)
         Positions in m.
-    peak : float, optional
-        Largest |w| over the structure in m.
-    force : float, optional
-        Amplitude in N of the point force at the mode's resonance; instead of `peak`.
+    peak : float
+        Largest |w| over the structure in m; :func:`peak_deflection` is that for a force.
 
     Returns
     -------
     ndarray, shape (...)
         Deflection in m.
-
-    Raises
-    ------
-    ValueError
-        If not exactly one of `peak` and `force` is given.
     """
-    if (peak is None) == (force is None):
-        raise ValueError(f"peak, force: given {peak} and {force}, needs exactly one of them")
-    if peak is None:
-        assert force is not None
-        peak = peak_deflection(structure, mode, force)
     return structure.mode_shapes([mode], points)[0] * (peak / structure.shape_peak(mode))
 
 
