@@ -178,8 +178,8 @@ def _sets_with(quantity: str) -> frozenset[str]:
     return frozenset(name for trend in stated for name in trend.source)
 
 
-def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series]:
-    """Return the errors of a cube's random trials, case by case; `name` renames cases."""
+def series_of(cube: xr.Dataset) -> list[Series]:
+    """Return the errors of a cube's random trials, case by case."""
     kinds = dict(cubes.cube_errors(cube))
     if "deflection_error" in cube:
         kinds["deflection_error"] = cube["deflection_error"]
@@ -197,7 +197,7 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
             chosen = errors.isel(setting=rows, trial=slice(1, None))
             table = chosen.transpose("mode", "setting", "trial").values.astype(float)
             found += [
-                Series(quantity, name(case), int(mode), values, part)
+                Series(quantity, case, int(mode), values, part)
                 for mode, part in zip(cube["mode"].values, table, strict=True)
             ]
     if "tracking_missing" in cube:
