@@ -231,19 +231,17 @@ def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     return inside, towards, -R[:, 2] @ body.normals
 
 
-def marker_margins(scene: Scene, seen: Sights, distance: Array) -> Array:
-    """Return each marker's distance inside the limits, shape (2, places, markers).
+def can_read(scene: Scene, seen: Sights, distance: Array) -> Mask:
+    """Return which markers are in the image in all their motion and not too tilted to be read.
 
-    How much farther the place is than it must be for the marker's whole motion to be in the
-    image, in m; and the cosine of the marker's tilt less that of the limit. Not below 0 where
-    the marker is seen and can be read.
+    From places so far away (places,) in m, shape (places, markers).
     """
     inside, towards, facing = seen
     rest = scene.body.points - scene.body.centre[:, None]
     d = distance[:, None]
     away = np.sqrt(d * (d - 2 * towards) + np.sum(rest**2, axis=0))
     cosine = (d * facing - np.sum(rest * scene.body.normals, axis=0)) / away
-    return np.stack([d - inside, cosine - np.cos(scene.rules.tilt) + LIMIT_SLACK])
+    return np.asarray((d >= inside) & (cosine - np.cos(scene.rules.tilt) + LIMIT_SLACK >= 0))
 
 
 def region_clearances(scene: Scene, places: Array) -> Array:
@@ -270,8 +268,7 @@ def visible_markers(scene: Scene, places: Array) -> Mask:
     seen = np.zeros((len(places), scene.body.points.shape[1]), bool)
     for part in _parts(scene, len(places)):
         grid, distance, focal = np.split(places[part], [2, 3], axis=1)
-        found = marker_margins(scene, lens_sights(scene, grid, focal[:, 0]), distance[:, 0])
-        seen[part] = np.all(found >= 0, axis=0)
+        seen[part] = can_read(scene, lens_sights(scene, grid, focal[:, 0]), distance[:, 0])
     return seen
 
 
@@ -362,8 +359,7 @@ def nearest_distances(scene: Scene, grid: Array, focal: Array | float) -> Array:
         low = np.full(len(high), -1)
         for _ in range(last.bit_length()):
             middle = np.maximum((low + high) // 2, 0)
-            inside = np.all(marker_margins(scene, seen, length_at(middle, limits)) >= 0, axis=0)
-            good = shows_enough(scene, inside)
+            good = shows_enough(scene, can_read(scene, seen, length_at(middle, limits)))
             high, low = np.where(good, np.minimum(middle, high), high), np.where(good, low, middle)
         found[part] = high
     return length_at(found, limits)

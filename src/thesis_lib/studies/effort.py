@@ -8,13 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from thesis_lib.files import shipped, whole_text
-from thesis_lib.text import describe_damage
+from thesis_lib.text import RefusedError, describe_damage
 
 EFFORT_COLUMNS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
-
-
-class EffortError(ValueError):
-    """Published efforts that cannot be read; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +68,7 @@ def read_efforts() -> dict[str, Effort]:
 
     Raises
     ------
-    EffortError
+    RefusedError
         If the file is damaged.
     """
     path = _published_path()
@@ -83,7 +79,7 @@ def read_efforts() -> dict[str, Effort]:
             rows = [[row[name] for name in EFFORT_COLUMNS] for row in csv.DictReader(stream)]
         return {name: Effort(*map(float, numbers)) for name, *numbers in rows}
     except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
-        raise EffortError(describe_damage(path, error)) from None
+        raise RefusedError(describe_damage(path, error)) from None
 
 
 def write_efforts(notebooks: Iterable[Path]) -> None:
