@@ -26,20 +26,16 @@ from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.templates import join_words
 
-OPTION_FIELDS = (
-    "tilt_deg", "in_view", "elevations_deg", "azimuths_deg", "distances_mm", "forbidden_boxes_mm",
-    "forbidden_spheres_mm", "forbidden_sectors_deg",
-)  # fmt: skip
-
 
 class ImpossibleError(ParameterError):
     """A plan that cannot be; the message is one line and names the binding limit."""
 
 
-def ease_limit(scene: Scene, field: str) -> Scene:
-    """Drop the limit that a parameter sets; distances keep clear of the body."""
+def ease_limits(scene: Scene) -> dict[str, Scene]:
+    """Drop the limit that each parameter sets, by parameter; distances keep clear of the body."""
     reach, rules = scene.body.reach + max(scene.peaks), scene.rules
-    full: dict[str, dict[str, object]] = {
+    free: dict[str, dict[str, Any]] = {
+        "separation_mm": {"separation": 0.0},
         "tilt_deg": {"tilt": np.pi / 2},
         "in_view": {"in_view": 1e-6},  # one marker
         "elevations_deg": {"elevations": (-np.pi / 2, np.pi / 2)},
@@ -48,9 +44,8 @@ def ease_limit(scene: Scene, field: str) -> Scene:
         "forbidden_boxes_mm": {"boxes": np.zeros((0, 3, 2))},
         "forbidden_spheres_mm": {"spheres": np.zeros((0, 4))},
         "forbidden_sectors_deg": {"sectors": np.zeros((0, 4))},
-        "separation_mm": {"separation": 0.0},
     }
-    return replace(scene, rules=replace(rules, **full[field]))  # type: ignore[arg-type]
+    return {name: replace(scene, rules=replace(rules, **limit)) for name, limit in free.items()}
 
 
 def _text(request: PlanRequest, field: str) -> str:
@@ -62,7 +57,7 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     """Explain which limits allow no place."""
     step, nowhere = np.radians(request.step_deg), "plan: no camera may stand anywhere; binding:"
     # parameters each of which alone leaves no place: without its limit there are some
-    eased = {field: ease_limit(scene, field) for field in OPTION_FIELDS}
+    eased = ease_limits(scene)
     eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
     if found := [field for field, one in eased.items() if len(candidate_positions(one, step))]:
         text = " or ".join(_text(request, field) for field in found)
@@ -93,8 +88,7 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     ratio = best.reached / target
     eased: dict[str, float] = {}
     start = _grid_cost(scene, n, request)  # infinite if only finer grids have room
-    for field in ("separation_mm", *OPTION_FIELDS) if np.isfinite(start) else ():
-        free = ease_limit(scene, field)
+    for field, free in ease_limits(scene).items() if np.isfinite(start) else ():
         if field != "in_view" and any(
             not np.array_equal(limit, getattr(scene.rules, name))
             for name, limit in vars(free.rules).items()
