@@ -39,7 +39,7 @@ def point_body():
 
 def best(scene, count, objective="mean", step=15.0, starts=2):
     grid = positions.candidate_positions(scene, np.radians(step))
-    (layout,) = search.best_layouts(scene, grid, [count], objective, starts, 0)
+    ((_, layout),) = search.best_layouts(scene, grid, [count], objective, starts, 0)
     return layout
 
 

@@ -275,21 +275,18 @@ def _options(
     counts, start, rate = sorted(request.counts), time.monotonic(), request.frame_rate(scene.body)
     tell(f"{len(grid)} places to choose from; looking for the best of {counts} cameras")
 
-    def placed(n: int) -> None:
+    asked, made = (request.objective, request.starts, request.seed), []
+    for n, layout in search.best_layouts(scene, grid, counts, *asked):
+        made.append(layout)
         tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s")
-
-    asked = request.objective, request.starts, request.seed
-    made = search.best_layouts(scene, grid, counts, *asked, placed)
-    if all(layout is None for layout in made):
+    if not made:
         raise no_room(scene, grid, counts[0], request)
-    if missing := [n for n, layout in zip(counts, made, strict=True) if layout is None]:
-        tell(f"left out: {join_words(missing)} cameras, for which no layout was found")
+    if missing := set(counts) - set(map(len, made)):
+        tell(f"left out: {join_words(sorted(missing))} cameras, for which no layout was found")
     known = place_information(scene, grid)
     factor = errors.average_error(scene)
     options = []
     for layout in made:
-        if layout is None:
-            continue
         value = layout_cost(scene, layout, request.objective)
         # the bound weighs markers alike, or those with the largest errors most
         variance = errors.normal_variances(place_information(scene, layout).sum(axis=1))

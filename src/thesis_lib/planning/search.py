@@ -6,7 +6,7 @@ images, are told apart by rule.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -121,9 +121,8 @@ def best_layouts(
     objective: str,
     starts: int,
     seed: int,
-    tell: Callable[[int], object] = lambda _: None,
-) -> list[Array | None]:
-    """Return the best layout of each number of cameras from a grid of candidates.
+) -> Iterator[tuple[int, Array]]:
+    """Yield the best layout (cameras, 4) of each number of cameras from a grid of candidates.
 
     Every number is begun from the best smaller one, and from random layouts of half of the
     candidates, each exchanged until nothing helps and settled.
@@ -136,18 +135,16 @@ def best_layouts(
         Numbers of cameras, ascending.
     starts, seed : int
         How many random layouts, and the seed they are drawn with.
-    tell : callable
-        Is told every number of cameras that is placed.
 
-    Returns
-    -------
-    list of ndarray, shape (cameras, 4), or None
-        One for each number; None where so many cameras do not find room, or leave a marker unseen.
+    Yields
+    ------
+    tuple
+        A number, and its layout; not where so many do not find room, or leave a marker unseen.
     """
     known = place_information(scene, grid)
     near = too_near(scene, grid, grid)
     rng = np.random.default_rng(seed)
-    found: list[Array | None] = []
+    before: Array | None = None
     smaller: list[int] = []
     for count in counts:
         tried = [exchange_cameras(known, near, smaller + [-1] * (count - len(smaller)), objective)]
@@ -164,7 +161,6 @@ def best_layouts(
         if whole:
             least = min(whole.values()) * (1 + positions.MAX_TIE_RATIO)
             smaller = list(min(one for one, value in whole.items() if value <= least))
-        before = next((f for f in reversed(found) if f is not None), None)
         if before is not None:  # the settled smaller one and what adds most to it
             added = before
             while len(added) < count:
@@ -178,10 +174,10 @@ def best_layouts(
                 layouts.append(added)
         finite = [one for one in layouts if np.isfinite(layout_cost(scene, one, objective))]
         settled = [settle_layout(scene, one, objective) for one in finite]
-        found.append(choose_layout(scene, settled, objective))
-        if found[-1] is not None:
-            tell(count)
-    return found
+        best = choose_layout(scene, settled, objective)
+        if best is not None:
+            before = best
+            yield count, best
 
 
 def _random(rng: np.random.Generator, near: Mask, count: int) -> list[int]:
