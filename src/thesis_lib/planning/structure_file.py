@@ -83,6 +83,8 @@ def _refusal(path: Path, needed: str) -> MeshError:
 
 
 def _open_table(path: Path) -> xr.Dataset:
+    if not path.is_file():  # xarray opens folders and addresses, too
+        raise _refusal(path, NEEDED_FILE)
     try:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
             ours = {*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode"}
