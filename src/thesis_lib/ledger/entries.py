@@ -30,10 +30,6 @@ Opener = Callable[[Study], "xr.Dataset | str"]
 THESIS_CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
 RENDERED_SETS = ("experiment", "lab")  # judged by recordings that were rendered, not filmed
 NAN = float("nan")
-NUMBER_FIELDS = (
-    "least", "most", "literal", "median", "low", "high",
-    "confidence", "single", "effect", "largest_effect",
-)  # fmt: skip
 SETTING_WORDS = {
     "distance_mm": "d = {:g} mm",
     "aperture_deg": "α = {:g}°",
@@ -94,8 +90,9 @@ class Entry:
 
     @property
     def row(self) -> dict[str, object]:
-        """The fields that the table of the page shows."""
-        return {name: value for name, value in self.record.items() if name not in NUMBER_FIELDS}
+        """The fields that the table of the page shows: of the numbers the ratio alone."""
+        hidden = {n for n, v in vars(self).items() if isinstance(v, float)} - {"ratio"}
+        return {name: value for name, value in self.record.items() if name not in hidden}
 
 
 _COLUMN_NAMES = {"id": "claim", "chapter": "claim_chapter"}  # else those of the fields
