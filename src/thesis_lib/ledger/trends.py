@@ -76,13 +76,11 @@ def judge_trend(trend: Trend, series: Iterable[Series]) -> Finding | None:
         return None
     common = min((n for s in kept.values() if (n := s.errors.shape[1]) > 1), default=1)
     mean = Evidence(trend, kept, lambda one: one.means)
-    # Paired, trial by trial; what is equal in all trials stands next to each of them.
-    each = Evidence(
-        trend,
-        kept,
-        lambda one: np.broadcast_to(one.errors[:, :common], (len(one.errors), common)),
-        one_run=True,
-    )
+
+    def pair(one: Series) -> Array:  # what is equal in all trials stands next to each of them
+        return np.broadcast_to(one.errors[:, :common], (len(one.errors), common))
+
+    each = Evidence(trend, kept, pair, one_run=True)
     name, _, argument = trend.test.partition(" ")
     if not (mean.series and each.series):
         return None

@@ -15,12 +15,7 @@ from thesis_lib.text import RefusedError, describe_damage, one_line
 
 _ERRORS = {  # name in the tables: variable, plane if it has one, short label, and its meaning
     "mean_error": ("mean_error", None, "mean", "rms over the markers"),
-    "max_point_error": (
-        "max_point_error",
-        None,
-        "peak",
-        "error of the marker that is farthest off",
-    ),
+    "max_point_error": ("max_point_error", None, "peak", "largest error of a marker"),
     "plane_error_xz": ("plane_error", "XZ", "XZ", "error of the pressure on that plane"),
     "plane_error_yz": ("plane_error", "YZ", "YZ", "error of the pressure on that plane"),
     "power_error": ("power_error", None, "power", "error of the sound power"),
