@@ -115,12 +115,7 @@ def choose_layout(scene: Scene, layouts: Sequence[Array], objective: str) -> Arr
 
 
 def best_layouts(
-    scene: Scene,
-    grid: Array,
-    counts: Sequence[int],
-    objective: str,
-    starts: int,
-    seed: int,
+    scene: Scene, grid: Array, counts: Sequence[int], objective: str, starts: int, seed: int
 ) -> Iterator[tuple[int, Array]]:
     """Yield the best layout (cameras, 4) of each number of cameras from a grid of candidates.
 

@@ -79,11 +79,7 @@ def cone_deflection_error(
 
 
 def cone_covariance(
-    distance: float,
-    focal_px: float,
-    n_cameras: int,
-    angle: float,
-    sigma_px: float = MOTION_PX,
+    distance: float, focal_px: float, n_cameras: int, angle: float, sigma_px: float = MOTION_PX
 ) -> Array:
     """Return the covariance (3, 3) in m² of a point at the centre of a cone of 3 or more cameras.
 
