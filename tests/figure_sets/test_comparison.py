@@ -106,11 +106,11 @@ GOOD = (project_root() / "data" / "published" / "beam-distance.csv").read_text(e
 LINES = GOOD.splitlines(keepends=True)
 DAMAGED = {
     "empty": ("", "No columns"),
-    "another header": (GOOD.replace("median", "mean", 1), "other columns than case, value"),
+    "another header": (GOOD.replace("median", "mean", 1), "needs the columns"),
     "cut in a number": ("".join(LINES[:3]) + LINES[3][:30], "could not convert"),
-    "a row twice": ("".join([*LINES[:3], LINES[1], *LINES[3:]]), "line 4 repeats"),
+    "a row twice": ("".join([*LINES[:3], LINES[1], *LINES[3:]]), "needs the columns"),
     "a quote without end": (LINES[0] + '"' + "".join(LINES[1:]), "EOF inside string"),
-    "a value too many": (LINES[0] + "".join(f",{line}" for line in LINES[1:]), "value too many"),
+    "a value too many": (LINES[0] + "".join(f",{line}" for line in LINES[1:]), "needs the columns"),
     "a conflict": ("".join([*LINES[:2], "<<<<<<< HEAD\n", *LINES[2:]]), "could not convert"),
 }
 

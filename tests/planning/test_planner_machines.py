@@ -67,8 +67,7 @@ JACOBIAN, ROTATIONS = errors.image_jacobian, positions.pinhole.hemisphere_rotati
 
 def layouts(scene, objective="mean"):
     grid = positions.candidate_positions(scene, np.radians(20))
-    *some, most = search.best_layouts(scene, grid, (2, 5), objective, 1, 0)
-    return [one for one in (*some, most) if one is not None]
+    return [one for _, one in search.best_layouts(scene, grid, (2, 5), objective, 1, 0)]
 
 
 @cache

@@ -79,14 +79,6 @@ def test_order_of_cameras_and_scale_of_their_matrices_do_not_matter(conforms, n,
     np.testing.assert_array_equal(other.feasible, here.feasible)
 
 
-def test_narrower_slabs_hold_what_is_rounded_finer(conforms):
-    P, points = rig(6).P, box()
-    tenths = np.rint(10 * project(P, points)) / 10
-    centre = analytic_centre(P, tenths, half_width_px=0.05)
-    assert centre.feasible.all()
-    conforms.closed_form(np.max(np.abs(project(P, centre.points) - tenths)), below=0.05)
-
-
 # Rest and motion together.
 
 

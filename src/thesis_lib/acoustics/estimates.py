@@ -34,11 +34,6 @@ class Amplitudes:
     value: ComplexArray  #: Shape (n,)
     covariance: Array  #: Of the real parts, then the imaginary parts, shape (2n, 2n)
 
-    def __post_init__(self) -> None:
-        needed = (2 * len(self.value),) * 2
-        if self.covariance.shape != needed:
-            raise ValueError(f"covariance: given shape {self.covariance.shape}, needs {needed}")
-
     @property
     def stacked(self) -> Array:
         """Return the real parts, then imaginary parts, shape (2n,)."""

@@ -12,15 +12,14 @@ all that would be rounded to it; a fraction or a product, such as 1/60, for itse
 import csv
 import math
 import operator
-import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from decimal import Decimal
 from functools import cache
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
 
 from thesis_lib.acoustics.radiation import outgoing_wave
 from thesis_lib.facts import setups
@@ -36,25 +35,13 @@ Integer = Annotated[int, BeforeValidator(int)]  # of digits alone: pydantic take
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda text: [*filter(None, text.split(";"))])]
 SomeNames = Annotated[Names, Field(min_length=1)]
-SplitTexts = BeforeValidator(lambda text: text.split("; ") if text else [])
-
-
-def accept_if(allowed: Callable[[Any], bool]) -> AfterValidator:
-    """Return the check that a value is allowed, by a function that tells."""
-
-    def check(value: Any) -> Any:
-        if not allowed(value):
-            raise ValueError(value)
-        return value
-
-    return AfterValidator(check)
+Texts = Annotated[tuple[str, ...], BeforeValidator(lambda text: [*filter(None, text.split("; "))])]
+COLUMN_NAMES = {"values": "value"}  # columns that are not called as their fields
 
 
 def read_rows(
-    name: str,
-    model: type[Row],
-    derived: Mapping[str, Callable[[Mapping[str, str]], object]] | None = None,
-) -> Iterator[Row]:
+    name: str, model: type[Row], derived: Mapping[str, Callable[[Mapping[str, str]], object]] = {}
+) -> list[Row]:
     """Read the rows of a table of ``data/thesis``, of which no two share the first field.
 
     Parameters
@@ -72,31 +59,24 @@ def read_rows(
     ValueError
         Naming the line and the field of a malformed row.
     """
-    derived = derived or {}
     columns = [COLUMN_NAMES.get(f.name, f.name) for f in fields(model) if f.name not in derived]  # type: ignore[arg-type]
-    check = TypeAdapter(model).validate_python
+    check, found = TypeAdapter(model).validate_python, dict[str, Row]()
     with (data_folder() / name).open(encoding="utf-8", newline="") as file:
-        rows, seen = csv.DictReader(file, restkey="more"), set[str]()
-        if rows.fieldnames != columns:
-            given = ", ".join(rows.fieldnames or ())
-            raise ValueError(f"{name}, line 1: given {given}, allowed: {', '.join(columns)}")
-        for line, row in enumerate(rows, 2):
-            # A row that is too short has no text for a column; one that is too long has more.
-            bad = next((f for f, text in row.items() if not isinstance(text, str)), "")
+        for line, given in enumerate(csv.reader(file), 1):
+            if (line == 1 and given != columns) or len(given) != len(columns):
+                raise ValueError(f"{name}, line {line}: given {given}, allowed: {columns}")
+            if given[0] in found:
+                raise ValueError(f"{name}, line {line}: given {given[0]!r} a second time")
+            row = dict(zip(columns, given, strict=True))
             try:
-                found = None if bad else check(row | {f: of(row) for f, of in derived.items()})
+                if line > 1:
+                    found[given[0]] = check(row | {field: of(row) for field, of in derived.items()})
             except ValidationError as error:
                 bad = str(error.errors(include_url=False)[0]["loc"][0])
-            if found is None or bad:
-                raise ValueError(f"{name}, line {line}: {bad}: given {row[bad]!r}")
-            key = row[columns[0]]
-            if key in seen:
-                raise ValueError(f"{name}, line {line}: {columns[0]}: given {key!r} a second time")
-            seen.add(key)
-            yield found
+                raise ValueError(f"{name}, line {line}: {bad}: given {row[bad]!r}") from None
+    return list(found.values())
 
 
-COLUMN_NAMES = {"values": "value"}  # columns that are not called as their fields
 Relation = Literal["about", "range", "max", "less_than", "min"]
 Quantity = Literal["mean_error", "max_point_error", "plane_error_xz", "plane_error_yz"]
 
@@ -170,7 +150,7 @@ def read_claims() -> list[Claim]:
         Naming the line and the field of a malformed row.
     """
     rounding = {"rounding": lambda row: [half_digit(row[end]) for end in ("low", "high")]}
-    return [*read_rows("claims.csv", Claim, rounding)]
+    return read_rows("claims.csv", Claim, rounding)
 
 
 def half_digit(text: str) -> float:
@@ -190,29 +170,7 @@ def claims_of(name: str) -> tuple[Claim, ...]:
     return tuple(claim for claim in read_claims() if claim.figure_set == name)
 
 
-_NUMBER_PATTERN = r"\d+(\.\d+)?"
-_INTERVALS_PATTERN = (
-    rf"{_NUMBER_PATTERN} {_NUMBER_PATTERN}(?: {_NUMBER_PATTERN} {_NUMBER_PATTERN})*"
-)
-_ONE_SIDED = rf"{_NUMBER_PATTERN}( first| last)?"
-RELATION_WORDS = {  # what is stated, and what has to be said with it
-    "falls": "", "rises": "", "falls_steadily": "", "falls_irregularly": "",
-    "flat": rf"({_INTERVALS_PATTERN})?", "within": _INTERVALS_PATTERN,
-    "no_trend": "", "mostly_no_trend": "", "same_pattern": "", "same_trends": "",
-    "below": _ONE_SIDED, "at_most": _ONE_SIDED, "above": rf"{_NUMBER_PATTERN} first",
-    "peaks": _NUMBER_PATTERN, "highest_last": "", "modes_alike": "",
-    "worst_mode": r"\d+", "best_mode": r"\d+", "planes_alike": r"((XZ|YZ) \d \d)?",
-    "like_case": r"\S+( last)?", "below_case": r"\S+ (first|common)", "gentler": r"\S+",
-    "best_case": r".+", "unrelated": r"\w+",
-}  # fmt: skip
-
-
 Modes = Annotated[tuple[Integer, ...], BeforeValidator(lambda text: text.split(";"))]
-
-
-def _is_relation(text: str) -> bool:
-    name, _, argument = text.partition(" ")
-    return name in RELATION_WORDS and bool(re.fullmatch(RELATION_WORDS[name], argument))
 
 
 @dataclass(frozen=True)
@@ -229,15 +187,12 @@ class Trend:
     parameter: str  #: What varies
     words: Text  #: What it says
     source: SomeNames  #: Figure sets, or runs of the ledger's own, that it is judged by
-    test: Annotated[str, accept_if(_is_relation)]  #: Relation and its argument
+    test: Text  #: Relation, as :mod:`thesis_lib.ledger.trends` names it, and its argument
 
 
 def read_trends() -> list[Trend]:
     """Read the stated trends, from ``data/thesis/trends.csv``, refused line by line."""
-    return [*read_rows("trends.csv", Trend)]
-
-
-_PAGE_PATTERN = r"[\w/-]+(#[\w-]+)?"  # a document of the book, perhaps with an anchor
+    return read_rows("trends.csv", Trend)
 
 
 @dataclass(frozen=True)
@@ -246,65 +201,36 @@ class Reason:
 
     id: Text  #: Name of the claim
     reason: Annotated[str, Field(pattern=r"^\S.*\.$")]  #: One sentence
-    #: Document of the book that tells more, such as ``errata#errata-a6``
-    page: Annotated[str, Field(pattern=rf"^{_PAGE_PATTERN}$")]
+    page: Text  #: Document of the book that tells more, such as ``errata#errata-a6``
 
 
 def read_reasons() -> dict[str, Reason]:
-    """Read the reasons by the names of their claims, from ``data/thesis/reasons.csv``.
-
-    Raises
-    ------
-    ValueError
-        Naming the line and the field of a malformed row.
-    """
+    """Read the reasons by the names of their claims, refused line by line."""
     return {one.id: one for one in read_rows("reasons.csv", Reason)}
-
-
-FunctionName = Annotated[str, Field(pattern=r"^thesis_lib(\.\w+)+$")]
-CubeVariables = Annotated[str, Field(pattern=r"^[\w-]+: \w+(, \w+)*$")]
-TestName = Annotated[str, Field(pattern=r"^tests/(\w+/)*test_\w+\.py::test_\w+$")]
-ErratumPage = Annotated[str, Field(pattern=r"^errata#errata-[a-e]\d+$")]
 
 
 @dataclass(frozen=True)
 class IndexEntry:
     """One figure, table or equation of the thesis: its place here, or why it has none."""
 
-    #: Name in the thesis, such as ``figure 3.4``
-    item: Annotated[str, Field(pattern=r"^(figure|table|equation) \w\.\d+[ab]?$")]
-    what: Annotated[str, Field(pattern=r"^\S.*$")]  #: Subject, in our words
-    #: Document of the book, such as ``beam#eq-modal``
-    page: Annotated[str, Field(pattern=rf"^({_PAGE_PATTERN})?$")]
-    function: Annotated[tuple[FunctionName, ...], SplitTexts]  #: Names in the library
-    #: Variables of figure sets, such as ``beam-distance: mean_error``
-    cube: Annotated[tuple[CubeVariables, ...], SplitTexts]
-    test: Annotated[tuple[TestName, ...], SplitTexts]  #: Names of tests
-    reason: Annotated[str, Field(pattern=r"^(\S.*)?$")]  #: Why nothing here is about it
-    errata: Annotated[tuple[ErratumPage, ...], SplitTexts]  #: Errata on it
+    item: Text  #: Name in the thesis, such as ``figure 3.4``
+    what: Text  #: Subject, in our words
+    page: str  #: Document of the book, such as ``beam#eq-modal``
+    function: Texts  #: Names in the library
+    cube: Texts  #: Variables of figure sets, such as ``beam-distance: mean_error``
+    test: Texts  #: Names of tests
+    reason: str  #: Why nothing here is about it; empty if something is
+    errata: Texts  #: Errata on it, such as ``errata#errata-a6``
 
 
 def read_index() -> list[IndexEntry]:
     """Read the index, from ``data/thesis/index.csv``, refused line by line."""
-    entries = [*read_rows("index.csv", IndexEntry)]
-    for one in entries:
-        if bool(one.reason) == any((one.page, one.function, one.cube, one.test)):
-            given = f"index.csv, {one.item}: reason: given {one.reason!r}"
-            allowed = "one if there is no page, function, cube or test, else none"
-            raise ValueError(f"{given}, allowed: {allowed}")
-    return entries
+    return read_rows("index.csv", IndexEntry)
 
 
 EXACT_TOLERANCE = 1e-9  # relative half-width of a fraction or a product
 THESIS_BEAM, THESIS_PLATE = setups.thesis_beam(), setups.thesis_plate()
 THESIS_RIG = setups.setup_table("experiment", "rig")
-
-
-def _is_finite(text: str) -> bool:
-    try:
-        return all(map(math.isfinite, _interval(text)))
-    except ArithmeticError:
-        return False
 
 
 @dataclass(frozen=True)
@@ -317,13 +243,13 @@ class StatedNumber:
     place: Text  #: Where it stands
     words: Text  #: What it is
     #: As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``
-    stated: Annotated[str, accept_if(_is_finite)]
+    stated: Text
     unit: str  #: Its unit, empty if it has none
     #: How it is computed: a key of :data:`CORRECT_VALUES`, and what that is given
     value_of: Annotated[
         tuple[Annotated[Number | Text, Field(union_mode="left_to_right")], ...],
         BeforeValidator(lambda text: text.split()),
-        accept_if(lambda words: words[:1] and words[0] in CORRECT_VALUES),
+        Field(min_length=1),
     ]
 
     @property
@@ -350,7 +276,7 @@ class StatedNumber:
 
 def read_numbers() -> list[StatedNumber]:
     """Read the stated numbers, from ``data/thesis/numbers.csv``, refused line by line."""
-    return [*read_rows("numbers.csv", StatedNumber)]
+    return read_rows("numbers.csv", StatedNumber)
 
 
 def _interval(text: str) -> tuple[float, float]:

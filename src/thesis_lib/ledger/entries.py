@@ -30,10 +30,6 @@ Opener = Callable[[Study], "xr.Dataset | str"]
 THESIS_CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
 RENDERED_SETS = ("experiment", "lab")  # judged by recordings that were rendered, not filmed
 NAN = float("nan")
-NUMBER_FIELDS = (
-    "least", "most", "literal", "median", "low", "high",
-    "confidence", "single", "effect", "largest_effect",
-)  # fmt: skip
 SETTING_WORDS = {
     "distance_mm": "d = {:g} mm",
     "aperture_deg": "α = {:g}°",
@@ -94,8 +90,9 @@ class Entry:
 
     @property
     def row(self) -> dict[str, object]:
-        """The fields that the table of the page shows."""
-        return {name: value for name, value in self.record.items() if name not in NUMBER_FIELDS}
+        """The fields that the table of the page shows: of the numbers the ratio alone."""
+        hidden = {n for n, v in vars(self).items() if isinstance(v, float)} - {"ratio"}
+        return {name: value for name, value in self.record.items() if name not in hidden}
 
 
 _COLUMN_NAMES = {"id": "claim", "chapter": "claim_chapter"}  # else those of the fields
@@ -171,7 +168,14 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
     """Judge a claimed value by a cube in which a parameter is varied."""
     subject, _, study = claim.figure_set.partition("-")
     check = cube if isinstance(cube, str) else verdicts.judge_claim(cube, claim)
-    notes = [check] if isinstance(check, str) else []
+    notes, judged = [], dict[str, Any]()
+    if isinstance(check, str):
+        notes.append(check)
+    else:
+        band = cubes.band_text(check.median, check.low, check.high)
+        judged = {name: getattr(check, name) for name in ("ratio", "literal", "median")}
+        judged |= {"low": check.low, "high": check.high, "verdict": check.verdict}
+        judged["got"] = f"{cubes.percent_text(check.literal)} · {band}"
     if claim.conflicts:
         notes.append(f"excluded by {', '.join(claim.conflicts)}: {claim.conflict_why}")
     excepted = " but one" if claim.excepted else ""
@@ -179,7 +183,7 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
     order = f", pairs {claim.pair_order}" if claim.pair_order else ""
     number = claim.figure or setups.figure_number(subject, study, claim.case, claim.mode)
     least, most = (NAN if end is None else end for end in claim.ends)
-    undefined = Entry(
+    return Entry(
         id=claim.id,
         kind="figure",
         chapter=claim.chapter,
@@ -194,15 +198,7 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
         command=f"thesis run {claim.figure_set}",
         least=least,
         most=most,
-    )
-    if isinstance(check, str):
-        return undefined
-    band = cubes.band_text(check.median, check.low, check.high)
-    return replace(
-        undefined,
-        got=f"{cubes.percent_text(check.literal)} · {band}",
-        verdict=check.verdict,
-        **{name: getattr(check, name) for name in ("ratio", "literal", "median", "low", "high")},
+        **judged,
     )
 
 
@@ -213,13 +209,21 @@ def _trend(
     reasons = [part for part in found if isinstance(part, str)]
     every = [one for part in found if not isinstance(part, str) for one in part]
     finding = None if reasons else ledger_trends.judge_trend(trend, every)
+    judged: dict[str, Any] = {"note": "; ".join(dict.fromkeys(reasons)) or "nothing to judge it by"}
+    if finding:
+        ends = finding.effect, finding.largest_effect
+        texts = sorted({f"{one:.2f}" for one in ends if np.isfinite(one)})
+        effect = f"×{'–'.join(texts)}, " if texts else ""
+        back = f"not monotonic ({finding.step_back}), " if finding.step_back else ""
+        shares = f"confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
+        judged = {"got": f"{effect}{back}{shares}", "verdict": finding.verdict, **vars(finding)}
     link = number = ""
     if sets:
         subject, _, study = sets[0].partition("-")
         if trend.cases:
             number = setups.figure_number(subject, study, trend.cases[0], trend.modes[0])
         link = f"{sets[0]}.html" + (f"#fig-{number.replace('.', '-')}" if number else "")
-    undefined = Entry(
+    return Entry(
         id=trend.id,
         kind="trend",
         chapter=trend.chapter,
@@ -228,19 +232,11 @@ def _trend(
         modes=trend.modes,
         what=trend.words,
         stated=trend.test.partition(" ")[0].replace("_", " "),
-        note="; ".join(dict.fromkeys(reasons)) or "nothing to judge it by",
         counted=not any(name.partition("-")[0] in RENDERED_SETS for name in trend.source),
         href=link,
         command="\n".join(commands),
+        **judged,
     )
-    if finding is None:
-        return undefined
-    ends = [f"{one:.2f}" for one in (finding.effect, finding.largest_effect) if np.isfinite(one)]
-    effect = f"×{'–'.join(sorted(set(ends)))}, " if ends else ""
-    back = f"not monotonic ({finding.step_back}), " if finding.step_back else ""
-    shares = f"confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
-    got = f"{effect}{back}{shares}"
-    return replace(undefined, got=got, verdict=finding.verdict, note="", **vars(finding))
 
 
 def _number(number: StatedNumber) -> Entry:

@@ -15,23 +15,8 @@ neighbouring settings, the trend is not monotonic, which is said next to the ver
 A test gets the :class:`~thesis_lib.ledger.verdicts.Evidence` and an argument, and returns for each
 draw of the errors whether the statement is true of it.
 
-What the words mean, for all trends alike. One effect is the smallest that counts,
-``MIN_MATERIAL_FALL``, so no errors both fall and rise, and none that fall or rise are flat:
-
-falls (rises)
-    The last expected error is below the first (the first below the last) by more than that effect,
-    and more pairs of settings are in this order than in the other.
-flat
-    The least is below the largest by no more than that effect. Of a single run, whose errors
-    scatter, the thesis's own usage counts: all are within the interval that it prints; if it prints
-    none, the largest is at most ``ONE_RUN_FLAT`` times the least.
-no trend
-    It neither falls nor rises, or is flat.
-within, flat within
-    Every expected error lies in the interval that is printed, its ends give or take
-    ``MIN_MATERIAL_FALL``.
-alike
-    The means (geometric, over the settings) are at most ``MAX_ALIKE_RATIO`` times each other.
+What the words mean, for all trends alike, the ledger's page states, and the functions below. One
+effect is the smallest that counts, so no errors both fall and rise, and none of these are flat.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -91,13 +76,11 @@ def judge_trend(trend: Trend, series: Iterable[Series]) -> Finding | None:
         return None
     common = min((n for s in kept.values() if (n := s.errors.shape[1]) > 1), default=1)
     mean = Evidence(trend, kept, lambda one: one.means)
-    # Paired, trial by trial; what is equal in all trials stands next to each of them.
-    each = Evidence(
-        trend,
-        kept,
-        lambda one: np.broadcast_to(one.errors[:, :common], (len(one.errors), common)),
-        one_run=True,
-    )
+
+    def pair(one: Series) -> Array:  # what is equal in all trials stands next to each of them
+        return np.broadcast_to(one.errors[:, :common], (len(one.errors), common))
+
+    each = Evidence(trend, kept, pair, one_run=True)
     name, _, argument = trend.test.partition(" ")
     if not (mean.series and each.series):
         return None
@@ -158,6 +141,7 @@ def is_less(errors: Array | float, others: Array | float) -> Mask:
 
 
 def _down(errors: Array) -> Mask:
+    """Return whether the last error is below the first, and most pairs are in this order."""
     ordered = sum(np.sign(errors[i] - errors[j]) for i, j in combinations(range(len(errors)), 2))
     return is_less(errors[-1], errors[0]) & (ordered > 0)
 
@@ -167,6 +151,7 @@ def _up(errors: Array) -> Mask:
 
 
 def _flat(errors: Array, one_run: bool) -> Mask:
+    """Return whether the least is not below the largest, in one run by the thesis's own usage."""
     least, largest = errors.min(axis=0), errors.max(axis=0)
     return largest <= ONE_RUN_FLAT * least if one_run else ~is_less(least, largest)
 
@@ -176,6 +161,7 @@ def _trendless(errors: Array, one_run: bool) -> Mask:
 
 
 def _close(first: Array, second: Array) -> Mask:
+    """Return whether two (geometric) means are alike."""
     return np.asarray(np.maximum(first, second) <= MAX_ALIKE_RATIO * np.minimum(first, second))
 
 
@@ -227,27 +213,24 @@ def _same_trends(evidence: Evidence, _: str) -> Mask:
     )
 
 
-TREND_PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
+TREND_PARTS = {"": slice(None), "last": slice(-1, None)}
 
 
-def _below(evidence: Evidence, argument: str) -> Mask:
-    """``below 40``, ``below 10 last``: less than that."""
-    bound, _, which = argument.partition(" ")
-    part = TREND_PARTS[which]
-    return _all((errors[part] < float(bound)).all(axis=0) for errors in evidence.series)
+def _bounded(compare: Callable[[Array, float], Mask], is_rounded: bool = False) -> Test:
+    """Return ``below 40``, ``at_most 10 last``: less than that, or at most that as printed."""
 
+    def test(evidence: Evidence, argument: str) -> Mask:
+        bound, _, which = argument.partition(" ")
+        most, part = float(bound) + is_rounded * half_digit(bound), TREND_PARTS[which]
+        return _all(compare(errors[part], most).all(axis=0) for errors in evidence.series)
 
-def _at_most(evidence: Evidence, argument: str) -> Mask:
-    """``at_most 40``, ``at_most 10 last``: at most that, rounded as it is printed."""
-    bound, _, which = argument.partition(" ")
-    most = float(bound) + half_digit(bound)
-    return _all((errors[TREND_PARTS[which]] <= most).all(axis=0) for errors in evidence.series)
+    return test
 
 
 def _above(evidence: Evidence, argument: str) -> Mask:
     """``above 5 first``: at least one of the series is above that in its first setting."""
-    bound, _, _ = argument.partition(" ")
-    return np.logical_or.reduce([errors[0] > float(bound) for errors in evidence.series])
+    bound = float(argument.removesuffix(" first"))
+    return np.logical_or.reduce([errors[0] > bound for errors in evidence.series])
 
 
 def _peaks(evidence: Evidence, argument: str) -> Mask:
@@ -362,8 +345,8 @@ TREND_TESTS: dict[str, Test] = {
     "mostly_no_trend": _mostly_no_trend,
     "same_pattern": lambda evidence, _: _each(_down)(evidence, "") | _each(_up)(evidence, ""),
     "same_trends": _same_trends,
-    "below": _below,
-    "at_most": _at_most,
+    "below": _bounded(np.less),
+    "at_most": _bounded(np.less_equal, is_rounded=True),
     "above": _above,
     "peaks": _peaks,
     "highest_last": _each(lambda errors: np.argmax(errors, axis=0) == len(errors) - 1),

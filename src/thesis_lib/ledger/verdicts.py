@@ -1,21 +1,9 @@
 """Judge claimed values by one rule, which interval is met; errors of cubes as series, for trends.
 
-The rule holds for every claim and was set before looking:
-
-agrees
-    The nominal run is inside the stated value or interval, give or take half a unit of the last
-    digit that is printed.
-within scatter
-    Else, the 5–95 % band of the trials, widened by 1 point (0.5 if the stated value is below 10 %),
-    meets the stated value or interval.
-differs
-    Neither.
-undefined
-    There is nothing to compare with; a reason is given.
-
-Upper and lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about
-all settings holds if it holds for each. Where the text excepts one marker, the second-largest error
-is meant.
+The rule holds for every claim and was set before looking; the ledger's page states it. Upper and
+lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about all
+settings holds if it holds for each. Where the text excepts one marker, the second-largest error is
+meant.
 
 Trends are judged by :mod:`thesis_lib.ledger.trends`, on the series.
 """
@@ -190,8 +178,8 @@ def _sets_with(quantity: str) -> frozenset[str]:
     return frozenset(name for trend in stated for name in trend.source)
 
 
-def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series]:
-    """Return the errors of a cube's random trials, case by case; `name` renames cases."""
+def series_of(cube: xr.Dataset) -> list[Series]:
+    """Return the errors of a cube's random trials, case by case."""
     kinds = dict(cubes.cube_errors(cube))
     if "deflection_error" in cube:
         kinds["deflection_error"] = cube["deflection_error"]
@@ -209,7 +197,7 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
             chosen = errors.isel(setting=rows, trial=slice(1, None))
             table = chosen.transpose("mode", "setting", "trial").values.astype(float)
             found += [
-                Series(quantity, name(case), int(mode), values, part)
+                Series(quantity, case, int(mode), values, part)
                 for mode, part in zip(cube["mode"].values, table, strict=True)
             ]
     if "tracking_missing" in cube:

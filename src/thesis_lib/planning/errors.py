@@ -10,11 +10,10 @@ variance along the marker's normal, σ² nᵀ M⁻¹ n. With JᵀJ of every cand
 a sum. M grows with the square of the pixels across, so the best layout does not depend on them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 
 from thesis_lib.arrays import Array, Mask, NDArray
 from thesis_lib.planning import positions
@@ -56,33 +55,37 @@ def _groups(
         yield some, np.flatnonzero(which.ravel() == number), part
 
 
-def predict_errors(scene: Scene, layout: Array, width: int) -> Array:
+def predict_errors(
+    scene: Scene,
+    layout: Array,
+    width: int,
+    variance: Callable[..., Array] = rounding.deflection_variance,
+) -> Array:
     """Return the rms error of every marker by the law of rounding, shape (modes, markers), in %."""
     body, point = scene.body, np.empty(scene.body.shapes.shape)
     deflected = body.deflected(scene.peaks)
     for _, markers, part in _groups(scene, layout, width):
         rest, normals = body.points[:, None, markers], body.normals[:, None, markers]
-        moved = deflected[:, :, markers]
-        variance = rounding.deflection_variance(part.P, rest, moved, normals=normals)
-        point[:, markers] = np.sqrt(variance)
+        found = variance(part.P, rest, deflected[:, :, markers], normals=normals)
+        point[:, markers] = np.sqrt(found)
     return point * percent_factor(scene)
 
 
 def average_predicted(scene: Scene, layout: Array, width: int) -> float:
     """Return the error of the worst mode by the law of rounding, averaged over amplitudes, in %.
 
-    Over `AMPLITUDES` times the deflection that is asked for, evenly. A coordinate that hardly moves
-    has hardly an error then, where :func:`average_error` gives every coordinate 1/6 px².
+    Over `AMPLITUDE_RANGE` times the deflection that is asked for, evenly. A coordinate that hardly
+    moves has hardly an error then, where :func:`average_error` gives every coordinate 1/6 px².
     """
-    body, point = scene.body, np.empty(scene.body.shapes.shape)
-    deflected = body.deflected(scene.peaks)
-    for _, markers, part in _groups(scene, layout, width):
-        rest, normals = body.points[:, None, markers], body.normals[:, None, markers]
-        g = np.sum(triangulation_gain(part.P, rest) * normals[:, None, None], axis=0)
-        moved = pinhole.project(part.P, deflected[:, :, markers]) - pinhole.project(part.P, rest)
+
+    def average(P: Array, rest: Array, deflected: Array, normals: Array) -> Array:
+        g = np.sum(triangulation_gain(P, rest) * normals[:, None, None], axis=0)
+        moved = pinhole.project(P, deflected) - pinhole.project(P, rest)
         variance = rounding.mean_difference_variance(moved, *AMPLITUDE_RANGE)
-        point[:, markers] = np.sqrt(np.sum(g**2 * variance, axis=(0, 1)))
-    return float(objective_error(point * percent_factor(scene), "mean").max())
+        return np.asarray(np.sum(g**2 * variance, axis=(0, 1)))
+
+    point = predict_errors(scene, layout, width, average)
+    return float(objective_error(point, "mean").max())
 
 
 def simulate_errors(
@@ -181,24 +184,6 @@ def combined_cost(known: Array, objective: str) -> float:
     return float(information_cost(known.sum(axis=1), objective))
 
 
-def is_allowed(scene: Scene, places: Array) -> bool:
-    """Return whether a layout keeps all rules."""
-    return bool(np.all(positions.are_permitted(scene, places))) and is_spaced(scene, places)
-
-
-def is_spaced(scene: Scene, places: Array) -> bool:
-    """Return whether the cameras of a layout are far enough from each other."""
-    where = positions.camera_centres(scene, places)
-    gap = np.linalg.norm(where[:, None] - where, axis=2)[np.triu_indices(len(where), 1)]
-    return bool(np.all(gap >= scene.rules.least_gap))
-
-
-def too_near(scene: Scene, grid: Array) -> Mask:
-    """Return which candidates may not stand in one layout; each of them with itself."""
-    where = positions.camera_centres(scene, grid)
-    return np.asarray(scipy.spatial.distance.cdist(where, where) < max(scene.rules.least_gap, 1e-9))
-
-
 def exchange_cameras(
     known: Array, near: Mask, start: Sequence[int], objective: str, whose: Mask | None = None
 ) -> tuple[list[int], float]:
@@ -209,7 +194,7 @@ def exchange_cameras(
     known : ndarray, shape (6, candidates, markers)
         Information of the candidates.
     near : ndarray of bool, shape (candidates, candidates)
-        Which of them are :func:`too_near` each other.
+        Which of them are :func:`~thesis_lib.planning.positions.too_near` each other.
     start : sequence of int
         Layout to begin with; -1 for a camera that is still to be placed.
     whose : ndarray of bool, shape (cameras, candidates), optional

@@ -19,27 +19,23 @@ from pydantic_core import PydanticCustomError
 
 from thesis_lib.arrays import Array, stack_padded
 from thesis_lib.planning import errors, positions, search, sound
-from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
-from thesis_lib.planning.positions import Body, Scene, candidate_positions
+from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information
+from thesis_lib.planning.positions import Body, Scene, candidate_positions, too_near
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.templates import join_words
-
-OPTION_FIELDS = (
-    "tilt_deg", "in_view", "elevations_deg", "azimuths_deg", "distances_mm", "forbidden_boxes_mm",
-    "forbidden_spheres_mm", "forbidden_sectors_deg",
-)  # fmt: skip
 
 
 class ImpossibleError(ParameterError):
     """A plan that cannot be; the message is one line and names the binding limit."""
 
 
-def ease_limit(scene: Scene, field: str) -> Scene:
-    """Drop the limit that a parameter sets; distances keep clear of the body."""
+def ease_limits(scene: Scene) -> dict[str, Scene]:
+    """Drop the limit that each parameter sets, by parameter; distances keep clear of the body."""
     reach, rules = scene.body.reach + max(scene.peaks), scene.rules
-    full: dict[str, dict[str, object]] = {
+    free: dict[str, dict[str, Any]] = {
+        "separation_mm": {"separation": 0.0},
         "tilt_deg": {"tilt": np.pi / 2},
         "in_view": {"in_view": 1e-6},  # one marker
         "elevations_deg": {"elevations": (-np.pi / 2, np.pi / 2)},
@@ -48,9 +44,8 @@ def ease_limit(scene: Scene, field: str) -> Scene:
         "forbidden_boxes_mm": {"boxes": np.zeros((0, 3, 2))},
         "forbidden_spheres_mm": {"spheres": np.zeros((0, 4))},
         "forbidden_sectors_deg": {"sectors": np.zeros((0, 4))},
-        "separation_mm": {"separation": 0.0},
     }
-    return replace(scene, rules=replace(rules, **full[field]))  # type: ignore[arg-type]
+    return {name: replace(scene, rules=replace(rules, **limit)) for name, limit in free.items()}
 
 
 def _text(request: PlanRequest, field: str) -> str:
@@ -62,19 +57,11 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     """Explain which limits allow no place."""
     step, nowhere = np.radians(request.step_deg), "plan: no camera may stand anywhere; binding:"
     # parameters each of which alone leaves no place: without its limit there are some
-    eased = {field: ease_limit(scene, field) for field in OPTION_FIELDS}
+    eased = ease_limits(scene)
     eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
     if found := [field for field, one in eased.items() if len(candidate_positions(one, step))]:
         text = " or ".join(_text(request, field) for field in found)
         return ImpossibleError(f"{nowhere} {text} (any of these eased alone leaves places)")
-    bare = scene
-    for field in OPTION_FIELDS:
-        if field not in ("tilt_deg", "in_view"):
-            bare = ease_limit(bare, field)
-    seen = positions.visible_markers(bare, candidate_positions(bare, step))
-    if not np.any(positions.shows_enough(bare, seen)):
-        both = f"{_text(request, 'tilt_deg')} and {_text(request, 'in_view')}"
-        return ImpossibleError(f"plan: markers are never in view; binding: {both}")
     why = "several limits together, of which to ease one alone is not enough"
     return ImpossibleError(f"{nowhere} {why}")
 
@@ -89,14 +76,9 @@ def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> Impo
             f"places, and two cameras must see it; binding: {_text(request, 'tilt_deg')}, "
             f"{_text(request, 'elevations_deg')}, {_text(request, 'azimuths_deg')}"
         )
-    open_ = ease_limit(scene, "separation_mm")
-    known, near = place_information(open_, grid), too_near(open_, grid)
-    layout, _ = exchange_cameras(known, near, [-1] * count, request.objective)
-    if -1 not in layout and np.isfinite(layout_cost(open_, grid[layout], request.objective)):
-        apart = _text(request, "separation_mm")
-        return ImpossibleError(f"plan: {count} cameras find no room; binding: {apart}")
-    both = f"{_text(request, 'counts')} and {_text(request, 'in_view')}"
-    return ImpossibleError(f"plan: {count} cameras cannot see every marker twice; binding: {both}")
+    binding = " or ".join(_text(request, f) for f in ("separation_mm", "counts", "in_view"))
+    no_layout = f"{count} cameras find no room, or cannot see every marker twice"
+    return ImpossibleError(f"plan: {no_layout}; binding: {binding}")
 
 
 def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
@@ -106,8 +88,7 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     ratio = best.reached / target
     eased: dict[str, float] = {}
     start = _grid_cost(scene, n, request)  # infinite if only finer grids have room
-    for field in ("separation_mm", *OPTION_FIELDS) if np.isfinite(start) else ():
-        free = ease_limit(scene, field)
+    for field, free in ease_limits(scene).items() if np.isfinite(start) else ():
         if field != "in_view" and any(
             not np.array_equal(limit, getattr(scene.rules, name))
             for name, limit in vars(free.rules).items()
@@ -133,7 +114,7 @@ def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
     if not len(grid):
         return np.inf
     known = place_information(scene, grid)
-    chosen, _ = exchange_cameras(known, too_near(scene, grid), [-1] * n, request.objective)
+    chosen, _ = exchange_cameras(known, too_near(scene, grid, grid), [-1] * n, request.objective)
     return np.inf if -1 in chosen else errors.combined_cost(known[:, chosen], request.objective)
 
 
@@ -250,12 +231,10 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
     """Return plans for the shape, each moved for the sound; no bound of theirs is known."""
     sounds, goal = request.sounds, request.goal
     assert goal != "shape"
-    about: dict[float, search.Surroundings] = {}
     found = []
     for one in options:
-        around = about.setdefault(one.scene.aspect, search.Surroundings(one.scene))
         width = one.resolution[0]
-        layout = sound.move_cameras(sounds, around, one.layout, width, goal)
+        layout = sound.move_cameras(sounds, one.scene, one.layout, width, goal)
         by_shape, own = (
             sound.predict_sound_errors(sounds, one.scene, each, width, goal)
             for each in (one.layout, layout)
@@ -296,21 +275,18 @@ def _options(
     counts, start, rate = sorted(request.counts), time.monotonic(), request.frame_rate(scene.body)
     tell(f"{len(grid)} places to choose from; looking for the best of {counts} cameras")
 
-    def placed(n: int) -> None:
+    asked, made = (request.objective, request.starts, request.seed), []
+    for n, layout in search.best_layouts(scene, grid, counts, *asked):
+        made.append(layout)
         tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s")
-
-    asked = request.objective, request.starts, request.seed
-    made = search.best_layouts(scene, grid, counts, *asked, placed)
-    if all(layout is None for layout in made):
+    if not made:
         raise no_room(scene, grid, counts[0], request)
-    if missing := [n for n, layout in zip(counts, made, strict=True) if layout is None]:
-        tell(f"left out: {join_words(missing)} cameras, for which no layout was found")
+    if missing := set(counts) - set(map(len, made)):
+        tell(f"left out: {join_words(sorted(missing))} cameras, for which no layout was found")
     known = place_information(scene, grid)
     factor = errors.average_error(scene)
     options = []
     for layout in made:
-        if layout is None:
-            continue
         value = layout_cost(scene, layout, request.objective)
         # the bound weighs markers alike, or those with the largest errors most
         variance = errors.normal_variances(place_information(scene, layout).sum(axis=1))

@@ -158,7 +158,6 @@ def whole_steps(layout: Array) -> NDArray[np.int_]:
 
 LIMIT_SLACK = 1e-9  # relative: what stands on a limit is allowed
 _TRIED_DISTANCES = 8  # distances tried from the nearest that sees enough outwards
-_NEVER_RAD = 10.0  # rad: as far inside as no angle is
 _MAX_IMAGES = 2_000_000  # images at a time, which bounds the memory
 
 
@@ -180,11 +179,6 @@ class Rules:
     #: Forbidden directions: least and largest azimuth, least and largest elevation, shape
     #: (sectors, 4)
     sectors: Array
-
-    @property
-    def least_gap(self) -> float:
-        """Return the distance below which two cameras are too close, in m, but for rounding."""
-        return self.separation * (1 - LIMIT_SLACK)
 
 
 @dataclass(frozen=True)
@@ -237,19 +231,17 @@ def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     return inside, towards, -R[:, 2] @ body.normals
 
 
-def marker_margins(scene: Scene, seen: Sights, distance: Array) -> Array:
-    """Return each marker's distance inside the limits, shape (2, places, markers).
+def can_read(scene: Scene, seen: Sights, distance: Array) -> Mask:
+    """Return which markers are in the image in all their motion and not too tilted to be read.
 
-    How much farther the place is than it must be for the marker's whole motion to be in the
-    image, in m; and the cosine of the marker's tilt less that of the limit. Not below 0 where
-    the marker is seen and can be read.
+    From places so far away (places,) in m, shape (places, markers).
     """
     inside, towards, facing = seen
     rest = scene.body.points - scene.body.centre[:, None]
     d = distance[:, None]
     away = np.sqrt(d * (d - 2 * towards) + np.sum(rest**2, axis=0))
     cosine = (d * facing - np.sum(rest * scene.body.normals, axis=0)) / away
-    return np.stack([d - inside, cosine - np.cos(scene.rules.tilt) + LIMIT_SLACK])
+    return np.asarray((d >= inside) & (cosine - np.cos(scene.rules.tilt) + LIMIT_SLACK >= 0))
 
 
 def region_clearances(scene: Scene, places: Array) -> Array:
@@ -262,12 +254,12 @@ def region_clearances(scene: Scene, places: Array) -> Array:
     rows += [np.max(np.maximum(b[:, 0] - where, where - b[:, 1]), axis=1) for b in rules.boxes]
     for low, high, bottom, top in rules.sectors:
         middle, half = (low + high) / 2, (high - low) / 2
-        aside = np.abs(np.mod(places[:, 0] - middle + np.pi, 2 * np.pi) - np.pi) - half
+        aside = np.abs(np.mod(places[:, 0] - middle + np.pi, 2 * np.pi) - np.pi)
         # a whole turn has no way out to the side, nor one that holds a pole beyond the pole
-        sides = [aside if half < np.pi - LIMIT_SLACK else np.full(len(places), -_NEVER_RAD)]
-        sides += [bottom - places[:, 1]] if bottom > LIMIT_SLACK - np.pi / 2 else []
-        sides += [places[:, 1] - top] if top < np.pi / 2 - LIMIT_SLACK else []
-        rows.append(np.max(sides, axis=0))
+        half = half if half < np.pi - LIMIT_SLACK else np.inf
+        bottom = bottom if bottom > LIMIT_SLACK - np.pi / 2 else -np.inf
+        top = top if top < np.pi / 2 - LIMIT_SLACK else np.inf
+        rows.append(np.max([aside - half, bottom - places[:, 1], places[:, 1] - top], axis=0))
     return np.array(rows).reshape(-1, len(places))
 
 
@@ -276,8 +268,7 @@ def visible_markers(scene: Scene, places: Array) -> Mask:
     seen = np.zeros((len(places), scene.body.points.shape[1]), bool)
     for part in _parts(scene, len(places)):
         grid, distance, focal = np.split(places[part], [2, 3], axis=1)
-        found = marker_margins(scene, lens_sights(scene, grid, focal[:, 0]), distance[:, 0])
-        seen[part] = np.all(found >= 0, axis=0)
+        seen[part] = can_read(scene, lens_sights(scene, grid, focal[:, 0]), distance[:, 0])
     return seen
 
 
@@ -292,12 +283,22 @@ def shows_enough(scene: Scene, seen: Mask) -> Mask:
     return seen.mean(axis=1) >= scene.rules.in_view - LIMIT_SLACK
 
 
-def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
-    """Return which positions are far enough from all others, shape (places,)."""
+def too_near(scene: Scene, places: Array, others: Array) -> Mask:
+    """Return which positions are too near which others, shape (places, others)."""
     from scipy.spatial.distance import cdist  # late: the list of figure sets needs no SciPy
 
     gap = cdist(camera_centres(scene, places), camera_centres(scene, others))
-    return np.asarray(np.all(gap >= scene.rules.least_gap, axis=1))
+    return np.asarray(gap < max(scene.rules.separation * (1 - LIMIT_SLACK), 1e-9))
+
+
+def is_allowed(scene: Scene, layout: Array) -> bool:
+    """Return whether a layout keeps all rules."""
+    return bool(np.all(are_permitted(scene, layout))) and is_spaced(scene, layout)
+
+
+def is_spaced(scene: Scene, layout: Array) -> bool:
+    """Return whether the cameras of a layout are far enough from each other."""
+    return bool(too_near(scene, layout, layout).sum() == len(layout))  # each is near itself
 
 
 def candidate_positions(scene: Scene, step: float) -> Array:
@@ -358,8 +359,7 @@ def nearest_distances(scene: Scene, grid: Array, focal: Array | float) -> Array:
         low = np.full(len(high), -1)
         for _ in range(last.bit_length()):
             middle = np.maximum((low + high) // 2, 0)
-            inside = np.all(marker_margins(scene, seen, length_at(middle, limits)) >= 0, axis=0)
-            good = shows_enough(scene, inside)
+            good = shows_enough(scene, can_read(scene, seen, length_at(middle, limits)))
             high, low = np.where(good, np.minimum(middle, high), high), np.where(good, low, middle)
         found[part] = high
     return length_at(found, limits)

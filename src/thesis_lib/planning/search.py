@@ -6,72 +6,25 @@ images, are told apart by rule.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from thesis_lib.arrays import Array, Mask, NDArray
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning import errors, positions
-from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
+from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information
+from thesis_lib.planning.positions import Scene, too_near
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 SEARCH_STEPS_RAD = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
 _MAX_ROUNDS = 50  # of one step; ends long before
-_MAX_STORED_NUMBERS = 10_000_000  # numbers, which bounds the memory
-_NUMBERS_PER_KEY = 20  # numbers that the key of a row takes
 _SHORT_STEPS, _LONG_STEPS = (-1, 0, 1), (-10, 10)
 _STEP_PAIRS = (_SHORT_STEPS, _SHORT_STEPS), (_LONG_STEPS, (-1, 1)), ((-1, 1), _LONG_STEPS)
 _SEARCH_DIRECTIONS = np.array([way for steps in _STEP_PAIRS for way in itertools.product(*steps)])
 """Steps in azimuth and elevation, along slanted limits, too."""
 
 
-class Once:
-    """A function of an array (rows, columns) that is computed once for each row.
-
-    It has one value or array for every row, whatever the others.
-    """
-
-    def __init__(self, function: Callable[[Array], NDArray[Any]]) -> None:
-        self.function = function
-        self.known: dict[bytes, Any] = {}
-        self.numbers = 0
-
-    def __call__(self, rows: Array) -> NDArray[Any]:
-        """Return what the function gives for rows."""
-        if self.numbers > _MAX_STORED_NUMBERS:
-            self.known, self.numbers = {}, 0
-        keys = rows.copy().view(f"V{rows.itemsize * rows.shape[1]}")[:, 0].tolist()
-        new = {key: row for row, key in enumerate(keys) if key not in self.known}
-        if new:
-            values = self.function(rows[list(new.values())])
-            self.known.update(zip(new, values, strict=True))
-            self.numbers += values.size + _NUMBERS_PER_KEY * len(new)
-        return np.array([self.known[key] for key in keys])
-
-
-class Surroundings:
-    """Cache of what cameras of a scene find about them: steps lead to the same places again."""
-
-    def __init__(self, scene: positions.Scene) -> None:
-        self.scene = scene
-        self.nearest = Once(
-            lambda rows: positions.nearest_distances(scene, rows[:, :2], rows[:, 2])
-        )
-        self.permitted = Once(lambda places: positions.are_permitted(scene, places))
-        self._information = Once(lambda places: np.moveaxis(place_information(scene, places), 1, 0))
-
-    def information(self, places: Array) -> Array:
-        """Return :func:`~thesis_lib.planning.errors.place_information` (6, places, markers)."""
-        # sums of what does not lie together take ten times as long
-        return np.ascontiguousarray(np.moveaxis(self._information(places), 0, 1))
-
-    def cost(self, layout: Array, objective: str) -> float:
-        """Return the cost of a layout."""
-        return errors.combined_cost(self.information(layout), objective)
-
-
-def find_neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, Mask]:
+def find_neighbours(scene: Scene, layout: Array, step: float) -> tuple[Array, Mask]:
     """Find allowed places about a `step` (rad) from a layout, and who may take which.
 
     A few steps in azimuth and elevation or none, and from there as far as the camera is, a step
@@ -83,7 +36,7 @@ def find_neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Ar
         Places (places, 4), those of the layout first; and for every camera (cameras, places)
         whether a place is about its own.
     """
-    rules, n = about.scene.rules, len(layout)
+    rules, n = scene.rules, len(layout)
     aside, up = np.tile(_SEARCH_DIRECTIONS, (n, 1)).T
     azimuth, elevation, distance, focal = np.repeat(layout, len(_SEARCH_DIRECTIONS), axis=0).T
     turn = step / np.maximum(np.cos(elevation), step)  # less of an angle near the pole
@@ -92,19 +45,19 @@ def find_neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Ar
     by = np.maximum(step * distance, 1 / positions.PER_METRE)
     far = [distance]
     if rules.distances[0] < rules.distances[1]:
-        near = about.nearest(np.column_stack([grid, focal]))
+        near = positions.nearest_distances(scene, grid, focal)
         far = [near, distance - by, distance, distance + by]
     rounded = [positions.lengths(d, rules.distances) for d in far]
     every = np.concatenate([positions.places_at(grid, d, focal) for d in rounded])
     camera = np.tile(np.repeat(np.arange(n), len(_SEARCH_DIRECTIONS)), len(far))
     _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
-    first = first[about.permitted(every[first])]
+    first = first[positions.are_permitted(scene, every[first])]
     whose = np.concatenate([np.arange(n), camera[first]]) == np.arange(n)[:, None]
-    whose[:, :n] &= about.permitted(layout)
+    whose[:, :n] &= positions.are_permitted(scene, layout)
     return np.concatenate([layout, every[first]]), whose
 
 
-def turn_layout(scene: positions.Scene, layout: Array, angle: float) -> Array:
+def turn_layout(scene: Scene, layout: Array, angle: float) -> Array:
     """Return a layout turned by an angle (rad) about the mean of the markers' normals."""
     mean = scene.body.normals.mean(axis=1)
     axis = mean / max(np.linalg.norm(mean), positions.MAX_TIE_RATIO)
@@ -120,29 +73,29 @@ def turn_layout(scene: positions.Scene, layout: Array, angle: float) -> Array:
     return out
 
 
-def settle_layout(about: Surroundings, layout: Array, objective: str) -> Array:
+def settle_layout(scene: Scene, layout: Array, objective: str) -> Array:
     """Move cameras by ever smaller steps, one by one and all together, while that helps."""
-    best = about.cost(layout, objective)
+    best = layout_cost(scene, layout, objective)
     for step in SEARCH_STEPS_RAD:
         # one by one they do not leave an arrangement that is better only if all are turned
         least = SEARCH_STEPS_RAD[-1]
         for turn, reach in ((0.0, step), (step, least), (-step, least)):
             for _ in range(_MAX_ROUNDS):
-                turned = turn_layout(about.scene, layout, turn) if turn else layout
-                around, whose = find_neighbours(about, turned, reach)
+                turned = turn_layout(scene, layout, turn) if turn else layout
+                around, whose = find_neighbours(scene, turned, reach)
                 start = [i if whose[i, i] else -1 for i in range(len(layout))]  # where allowed
-                near, known = too_near(about.scene, around), about.information(around)
+                near, known = too_near(scene, around, around), place_information(scene, around)
                 chosen, _ = exchange_cameras(known, near, start, objective, whose)
-                if -1 in chosen or not errors.is_spaced(about.scene, around[chosen]):
+                if -1 in chosen or not positions.is_spaced(scene, around[chosen]):
                     break  # there is no room
-                value = about.cost(around[chosen], objective)
+                value = errors.combined_cost(known[:, chosen], objective)
                 if not value < best * (1 - positions.MAX_TIE_RATIO):
                     break
                 layout, best = around[chosen], value
     return layout
 
 
-def choose_layout(scene: positions.Scene, layouts: Sequence[Array], objective: str) -> Array | None:
+def choose_layout(scene: Scene, layouts: Sequence[Array], objective: str) -> Array | None:
     """Choose the best layout; of equal ones and their images, that of the least rank.
 
     Images are turned by quarters, and mirrored at the planes through the centre.
@@ -155,22 +108,16 @@ def choose_layout(scene: positions.Scene, layouts: Sequence[Array], objective: s
         image = layout * [aside, up, 1, 1] + [quarter * np.pi / 2, 0, 0, 0]
         image[:, 0] = positions.azimuths(image[:, 0], scene.rules.azimuths)
         image[:, 1] = positions.angles(image[:, 1], scene.rules.elevations)
-        if errors.is_allowed(scene, image) and layout_cost(scene, image, objective) <= most:
+        if positions.is_allowed(scene, image) and layout_cost(scene, image, objective) <= most:
             alike.append(image)
     ordered = map(positions.by_rule, alike)
     return min(ordered, key=lambda one: positions.whole_steps(one).ravel().tolist(), default=None)
 
 
 def best_layouts(
-    scene: positions.Scene,
-    grid: Array,
-    counts: Sequence[int],
-    objective: str,
-    starts: int,
-    seed: int,
-    tell: Callable[[int], object] = lambda _: None,
-) -> list[Array | None]:
-    """Return the best layout of each number of cameras from a grid of candidates.
+    scene: Scene, grid: Array, counts: Sequence[int], objective: str, starts: int, seed: int
+) -> Iterator[tuple[int, Array]]:
+    """Yield the best layout (cameras, 4) of each number of cameras from a grid of candidates.
 
     Every number is begun from the best smaller one, and from random layouts of half of the
     candidates, each exchanged until nothing helps and settled.
@@ -183,19 +130,16 @@ def best_layouts(
         Numbers of cameras, ascending.
     starts, seed : int
         How many random layouts, and the seed they are drawn with.
-    tell : callable
-        Is told every number of cameras that is placed.
 
-    Returns
-    -------
-    list of ndarray, shape (cameras, 4), or None
-        One for each number; None where so many cameras do not find room, or leave a marker unseen.
+    Yields
+    ------
+    tuple
+        A number, and its layout; not where so many do not find room, or leave a marker unseen.
     """
     known = place_information(scene, grid)
-    near = too_near(scene, grid)
-    about = Surroundings(scene)
+    near = too_near(scene, grid, grid)
     rng = np.random.default_rng(seed)
-    found: list[Array | None] = []
+    before: Array | None = None
     smaller: list[int] = []
     for count in counts:
         tried = [exchange_cameras(known, near, smaller + [-1] * (count - len(smaller)), objective)]
@@ -212,11 +156,10 @@ def best_layouts(
         if whole:
             least = min(whole.values()) * (1 + positions.MAX_TIE_RATIO)
             smaller = list(min(one for one, value in whole.items() if value <= least))
-        before = next((f for f in reversed(found) if f is not None), None)
         if before is not None:  # the settled smaller one and what adds most to it
             added = before
             while len(added) < count:
-                rest = np.flatnonzero(positions.are_apart(scene, grid, added))
+                rest = np.flatnonzero(~too_near(scene, grid, added).any(axis=1))
                 if not len(rest):
                     break
                 total = place_information(scene, added).sum(axis=1)
@@ -225,11 +168,11 @@ def best_layouts(
             if len(added) == count:
                 layouts.append(added)
         finite = [one for one in layouts if np.isfinite(layout_cost(scene, one, objective))]
-        settled = [settle_layout(about, one, objective) for one in finite]
-        found.append(choose_layout(scene, settled, objective))
-        if found[-1] is not None:
-            tell(count)
-    return found
+        settled = [settle_layout(scene, one, objective) for one in finite]
+        best = choose_layout(scene, settled, objective)
+        if best is not None:
+            before = best
+            yield count, best
 
 
 def _random(rng: np.random.Generator, near: Mask, count: int) -> list[int]:

@@ -17,7 +17,7 @@ from thesis_lib.acoustics import radiation
 from thesis_lib.acoustics.planes import MAX_NODAL_PRESSURE_RATIO, PlateSound, plate_pistons
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.planning import positions, search
+from thesis_lib.planning import positions
 from thesis_lib.studies.fields import refuse_value
 from thesis_lib.studies.request import SoundPlanes
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
@@ -25,11 +25,6 @@ from thesis_lib.vision import rounding
 
 Sounds = Sequence[PlateSound]
 Goal = Literal["sound", "sound-plane", "sound-point", "sound-power"]
-SILENT_TEXTS = {
-    "sound": "that are not silent on both planes, XZ and YZ",
-    "sound-plane": "that are not silent on the plane",
-    "sound-point": "that are heard at point_mm",
-}
 
 # Finer steps would fit one grid of pixels, not how markers lie on it
 SOUND_STEPS_RAD = np.radians([8, 4, 2])
@@ -75,8 +70,9 @@ def sounds_of(
                 one = _at_point(plate_pistons(plate), place, field.medium, omega, shape)
         except ValueError as error:
             refuse_value("modes", mode, str(error).replace(radiation.FINER_PISTONS, "a lower mode"))
-        if goal in SILENT_TEXTS and np.isnan(one.largest).all():
-            refuse_value("modes", mode, f'allowed: modes {SILENT_TEXTS[goal]}, with goal "{goal}"')
+        if goal != "sound-power" and np.isnan(one.largest).all():
+            where = "at point_mm" if point_mm else f"on {' or '.join(one.name for one in planes)}"
+            refuse_value("modes", mode, f'allowed: modes heard {where}, with goal "{goal}"')
         found.append(one)
     return tuple(found)
 
@@ -151,15 +147,14 @@ def simulate_sound_errors(
 
 
 def move_cameras(
-    sounds: Sounds, about: search.Surroundings, layout: Array, width: int, goal: Goal = "sound"
+    sounds: Sounds, scene: positions.Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
     """Move the cameras, one by one, by ever smaller steps while the sound gains.
 
     A camera goes to one of the eight directions about its own, as near as it sees enough there.
     The layout itself is given back where the law, at the amplitude asked for, is no better after.
     """
-    scene, asked = about.scene, (width, goal)
-    rules, found = scene.rules, layout
+    asked, rules, found = (width, goal), scene.rules, layout
     best = float(average_sound_error(sounds, scene, found, *asked).max())
     for step in SOUND_STEPS_RAD:
         still = 0  # cameras since the last move
@@ -171,10 +166,11 @@ def move_cameras(
             aside = azimuth + step / max(np.cos(elevation), step) * _SEARCH_DIRECTIONS[:, 0]
             up = positions.angles(elevation + step * _SEARCH_DIRECTIONS[:, 1], rules.elevations)
             grid = np.column_stack([positions.azimuths(aside, rules.azimuths), up])
-            near = about.nearest(np.column_stack([grid, np.full(len(grid), focal)]))
+            near = positions.nearest_distances(scene, grid, focal)
             places = positions.places_at(grid, near, focal)
+            places = places[positions.are_permitted(scene, places)]
             others = np.delete(found, which, axis=0)
-            places = places[about.permitted(places) & positions.are_apart(scene, places, others)]
+            places = places[~positions.too_near(scene, places, others).any(axis=1)]
             tried = [np.insert(others, which, place, axis=0) for place in places]
             costs = np.array(
                 [average_sound_error(sounds, scene, one, *asked).max() for one in tried]

@@ -1,21 +1,11 @@
 """A structure from a file: markers with normals, mode shapes and frequencies, as netCDF.
 
-The file has dimensions ``point`` and ``mode`` and, as xarray writes them,
-
-============================  ==================  =======================================
-variable                      dimensions          meaning
-============================  ==================  =======================================
-``x``, ``y``, ``z``           point               markers at rest in m
-``nx``, ``ny``, ``nz``        point               normals; without them +Z
-``shape``                     mode, point         deflection along the normal, in any scale
-``frequency``                 mode                natural frequency in Hz
-``mode``                      mode                optional: its number, else 1, 2, …
-============================  ==================  =======================================
-
-Anything else in the file is left alone. The peak of a mode is its largest deflection in the file.
+The page *The planner* lists its variables, with dimensions ``point`` and ``mode`` as xarray writes
+them. Anything else in the file is left alone. The peak of a mode is its largest deflection in it.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -49,44 +39,33 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     Raises
     ------
     MeshError
-        In one line: the file, what is wrong with it, and what is needed.
+        In one line: the file, and what is needed in it.
     """
     if has_hidden(path.name):  # the plan is named for it
         raise MeshError(f"--structure: given {path.name!r}, allowed: a visible name")
     mesh = _open_table(path)
-    for name, dims in NEEDED_FIELDS.items():
-        if name not in mesh.variables:
-            raise _refusal(path, f"has no variable {name}", f"{name}({', '.join(dims)})")
-    has = [name for name in NORMAL_COLUMNS if name in mesh.variables]
-    if has and len(has) < 3:
-        raise _refusal(path, f"has {', '.join(has)} alone", "all of nx, ny, nz, or none")
-    values = {name: _values(path, mesh, name, dims) for name, dims in NEEDED_FIELDS.items()}
-    values |= {name: _values(path, mesh, name, ("point",)) for name in has}
+    has_normals = any(name in mesh.variables for name in NORMAL_COLUMNS)
+    fields = NEEDED_FIELDS | (dict.fromkeys(NORMAL_COLUMNS, ("point",)) if has_normals else {})
+    values = {name: _values(path, mesh, name, dims) for name, dims in fields.items()}
     points = np.stack([values["x"], values["y"], values["z"]])
-    if points.shape[1] > MAX_POINTS:
-        allowed = f"at most {MAX_POINTS}: {MARKERS_ONLY}"
-        raise _refusal(path, f"has {points.shape[1]} points", allowed)
-    size = float(np.max(np.abs(points)))
-    if size > MAX_SIZE_M:
-        allowed = f"at most {MAX_SIZE_M:g} m (metres, not mm)"
-        raise _refusal(path, f"has a coordinate of {size:g} m", allowed)
-    if len(np.unique(points, axis=1).T) < points.shape[1]:
-        raise _refusal(path, "has two points at one place", "different places")
-    normals = np.stack([values[n] for n in NORMAL_COLUMNS]) if has else np.zeros_like(points)
-    if not has:
+    normals = np.array([values.get(name, 0 * points[0]) for name in NORMAL_COLUMNS])
+    if not has_normals:
         normals[2] = 1.0
     length = np.linalg.norm(normals, axis=0)
-    if np.any(length < 1e-6):
-        at = int(np.argmin(length))
-        raise _refusal(path, f"the normal of point {at} has no direction", "a vector that is not 0")
     shapes, hertz = values["shape"], values["frequency"]
-    if np.any(hertz < 0):
-        raise _refusal(path, f"frequency is {hertz.min():g} Hz", "numbers from 0")
-    given = mesh["mode"].values  # 0, 1, … where the file does not number them
-    if "mode" not in mesh.variables:
+    given = mesh["mode"].values
+    if "mode" not in mesh.variables:  # then these are 0, 1, …
         given = given + 1
-    elif given.dtype.kind not in "iu" or len(set(given.tolist())) < len(given):
-        raise _refusal(path, "has numbers in mode that repeat or are not whole", "1, 2, …")
+    for is_wrong, needed in (
+        (points.shape[1] > MAX_POINTS, f"at most {MAX_POINTS} points: {MARKERS_ONLY}"),
+        (np.max(np.abs(points)) > MAX_SIZE_M, f"coordinates up to {MAX_SIZE_M:g} m, not in mm"),
+        (len(np.unique(points, axis=1).T) < points.shape[1], "points at different places"),
+        (np.any(length < 1e-6), "normals that are not 0"),
+        (np.any(hertz < 0), f"frequencies from 0, not {hertz.min():g} Hz"),
+        (given.dtype.kind not in "iu" or len(np.unique(given)) < len(given), "modes 1, 2, …"),
+    ):
+        if is_wrong:
+            raise _refusal(path, needed)
     numbers = given.tolist()
     if not set(modes) <= set(numbers):
         allowed = f"modes that {path} has: {one_line(', '.join(map(str, numbers)))}"
@@ -94,46 +73,38 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     rows = [numbers.index(mode) for mode in modes]
     peak = np.max(np.abs(shapes[rows]), axis=1)
     if np.any(peak <= 0):
-        mode = modes[int(np.argmin(peak))]
-        raise _refusal(path, f"shape of mode {mode} is 0 everywhere", "a shape that moves")
+        raise _refusal(path, f"a shape of mode {modes[int(np.argmin(peak))]} that is not 0")
     moving, shape = normals / length, shapes[rows] / peak[:, None]
     return Body(path.stem, points, moving, shape, hertz[rows], tuple(modes), np.zeros((3, 0)))
 
 
-def _refusal(path: Path, problem: str, needed: str) -> MeshError:
-    return MeshError(f"--structure: {path} {problem}, needed: {needed}")
+def _refusal(path: Path, needed: str) -> MeshError:
+    return MeshError(f"--structure: given {path}, needed: {needed}")
 
 
 def _open_table(path: Path) -> xr.Dataset:
-    if not path.is_file():
-        raise _refusal(path, "is a folder" if path.is_dir() else "is not there", NEEDED_FILE)
+    if not path.is_file():  # xarray opens folders and addresses, too
+        raise _refusal(path, NEEDED_FILE)
     try:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
             ours = {*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode"}
             mesh = file[[name for name in file.variables if name in ours]]
             if mesh.nbytes > storage.HELD_BYTES:
-                raise _refusal(path, f"says that it holds {mesh.nbytes / 1e6:.3g} MB", MARKERS_ONLY)
+                raise _refusal(path, f"not {mesh.nbytes / 1e6:.3g} MB, but {MARKERS_ONLY}")
             return mesh.load()
     except MeshError:
         raise
     except Exception as error:  # the netCDF and HDF libraries raise what they like
-        kind = f"is not readable as netCDF ({type(error).__name__})"
-        raise _refusal(path, kind, NEEDED_FILE) from None
+        raise _refusal(path, f"{NEEDED_FILE} ({type(error).__name__})") from None
 
 
 def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> Array:
-    variable = mesh[name]
-    if set(variable.dims) != set(dims):
-        given = ", ".join(map(str, variable.dims))
-        raise _refusal(path, f"has {name}({given})", f"{name}({', '.join(dims)})")
-    if variable.dtype.kind not in "fiu":
-        raise _refusal(path, f"has {name} of type {variable.dtype}", "real numbers")
-    values = variable.transpose(*dims).values.astype(float)
-    if not values.size:
-        raise _refusal(path, f"has no value in {name}", "at least one")
-    if not np.all(np.isfinite(values)):
-        at = np.argwhere(~np.isfinite(values))[0].tolist()
-        raise _refusal(path, f"has {values[tuple(at)]} in {name}{at}", "finite numbers")
+    values = np.array([])
+    with suppress(KeyError, ValueError):  # none, or of other dimensions
+        if mesh[name].dtype.kind in "fiu":
+            values = mesh[name].transpose(*dims).values.astype(float)
+    if not (values.size and np.all(np.isfinite(values))):
+        raise _refusal(path, f"{name}({', '.join(dims)}) of finite numbers, at least one")
     return values
 
 

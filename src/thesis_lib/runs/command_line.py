@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import errno
 import gc
 import hashlib
 import logging
@@ -29,7 +28,6 @@ from thesis_lib.text import RefusedError, has_hidden, one_line, parse_json
 if TYPE_CHECKING:
     from thesis_lib.studies.request import Study
 
-MIN_OPEN_FILES = 128  # a run needs some 90 at a time
 MAX_WAIT_FOR_THREADS_S = 1.0
 _HANDLED_SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -38,41 +36,14 @@ _THREAD_VARIABLES = [f"{of}_NUM_THREADS" for of in ("OPENBLAS", "OMP", "MKL", "B
 _THREAD_VARIABLES += ["VECLIB_MAXIMUM_THREADS"]
 
 
-class SurroundingsError(RuntimeError):
-    """A process in which no command can work; the message is one line."""
-
-
-def check_surroundings() -> None:
-    """Open the standard streams that are closed, and refuse limits under which nothing works.
-
-    Raises
-    ------
-    SurroundingsError
-        If too few files may be open at a time, or the working directory is gone.
-    """
-    while (number := os.open(os.devnull, os.O_RDWR)) < 3:  # else a file would be written into
+def open_streams() -> None:
+    """Open the standard streams that are closed; else files would be opened, and written, there."""
+    while (number := os.open(os.devnull, os.O_RDWR)) < 3:
         pass
     os.close(number)
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # as Python has one that is closed
             setattr(sys, name, open(os.devnull, "w"))  # noqa: PTH123, SIM115
-    try:
-        Path.cwd()
-    except FileNotFoundError:
-        raise SurroundingsError(
-            "the working directory has been deleted; change to another, and run the command again"
-        ) from None
-    if sys.platform != "win32":
-        import resource
-
-        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        if soft < MIN_OPEN_FILES <= hard:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (MIN_OPEN_FILES, hard))
-        elif soft < MIN_OPEN_FILES:
-            raise SurroundingsError(
-                f"only {soft} files may be open at a time, allowed: {MIN_OPEN_FILES} or more; "
-                "raise the limit (ulimit -n), and run the command again"
-            )
 
 
 def list_variables() -> dict[str, str]:
@@ -144,7 +115,6 @@ def _end_children() -> None:
 
 
 REFUSED_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 2, 1, 130
-LONGEST_FILE = 80  # characters of the names of files in the folders that are written
 _ANY_FOLDER = "a folder, new or not"
 
 
@@ -236,20 +206,13 @@ def new_folder(out: Path, option: str = "--out") -> Path:
     if str(out) in ("", "."):
         raise RefusedError(f"{option}: given no folder of its own, allowed: {_ANY_FOLDER}")
     folder = out.absolute()
-    if has_hidden(str(folder)):
-        raise RefusedError(f"{option}: given {str(out)!r}, allowed: a visible name")
-    try:
-        (folder / ("x" * LONGEST_FILE)).lstat()
-    except OSError as error:
-        if error.errno == errno.ENAMETOOLONG:
-            raise RefusedError(
-                f"{option}: given {one_line(str(out))}, but a file in it would have too long a "
-                "name; allowed: a shorter one"
-            ) from None
+    if has_hidden(str(folder)) or max(len(os.fsencode(part)) for part in folder.parts) > 255:
+        why = "allowed: a visible name of at most 255 bytes"
+        raise RefusedError(f"{option}: given {one_line(str(out))!r}, {why}")
     there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
-    problem = "" if os.access(there, os.W_OK | os.X_OK) else "cannot be written to"
-    if not there.is_dir():
-        problem = "is a file" if there.exists() else "leads nowhere"
-    if problem:
-        raise RefusedError(f"{option}: given {out}, but {there} {problem}; allowed: {_ANY_FOLDER}")
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        raise RefusedError(
+            f"{option}: given {out}, but {there} cannot be written to as a folder; "
+            f"allowed: {_ANY_FOLDER}"
+        )
     return folder

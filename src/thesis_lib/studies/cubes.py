@@ -1,7 +1,7 @@
 """Result cubes: what they say in a table, what of them is published, and how two of them differ."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -15,12 +15,7 @@ from thesis_lib.text import RefusedError, describe_damage, one_line
 
 _ERRORS = {  # name in the tables: variable, plane if it has one, short label, and its meaning
     "mean_error": ("mean_error", None, "mean", "rms over the markers"),
-    "max_point_error": (
-        "max_point_error",
-        None,
-        "peak",
-        "error of the marker that is farthest off",
-    ),
+    "max_point_error": ("max_point_error", None, "peak", "largest error of a marker"),
     "plane_error_xz": ("plane_error", "XZ", "XZ", "error of the pressure on that plane"),
     "plane_error_yz": ("plane_error", "YZ", "YZ", "error of the pressure on that plane"),
     "power_error": ("power_error", None, "power", "error of the sound power"),
@@ -185,12 +180,10 @@ def read_published(name: str) -> pd.DataFrame | None:
     listed = next((one for one in LISTED_VARIABLES if one in table), "")
     keys = [listed] if listed else [*ROW_KEYS, "error"]
     columns = LISTED_VARIABLES.get(listed, (*keys, *STATISTIC_NAMES))
-    if not isinstance(table.index, pd.RangeIndex):  # which pandas makes of it
-        raise CubeError(describe_damage(path, "line 2 has a value too many"))
-    if set(table) != set(columns):
-        raise CubeError(describe_damage(path, f"other columns than {', '.join(columns)}"))
-    if (repeated := table.duplicated(keys)).any():
-        raise CubeError(describe_damage(path, f"line {repeated.idxmax() + 2} repeats another"))
+    is_shifted = not isinstance(table.index, pd.RangeIndex)  # by a value too many
+    if is_shifted or set(table) != set(columns) or table.duplicated(keys).any():
+        needed = f"needs the columns {', '.join(columns)}, and each {', '.join(keys)} once"
+        raise CubeError(describe_damage(path, needed))
     return table
 
 
@@ -245,32 +238,21 @@ def difference_lines(
     changed = ~np.isclose(table[STATISTIC_NAMES], old, rtol=1e-4, equal_nan=True)
     if not changed.any():
         return [f"no difference from {old_name} ({len(table)} errors compared)"]
-    title = f"{'median (5–95 %)':>20} | {old_name:>20} | {'change':>7} | {'trial 0':>15}"
-
-    def cells(row: Any) -> str:
-        change = "—" if np.isnan(row.difference) else f"{round(row.difference, 1) + 0.0:+.1f}"
-        nominal = f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
-        return f"{_bands(row)} | {change:>7} | {nominal}"
-
-    return _tabulate_errors(table, cube.attrs["trial_0"], title, cells)
+    return _tabulate_errors(table, cube.attrs["trial_0"], old_name)
 
 
-def _bands(row: Any) -> str:
-    """Return median and band of a row, and those of what it is compared with."""
-    new = band_text(row.median, row.low, row.high)
-    return f"{new:>20} | {band_text(row.median_old, row.low_old, row.high_old):>20}"
-
-
-def _tabulate_errors(
-    table: pd.DataFrame, first: str, title: str, cells: Callable[[Any], str]
-) -> list[str]:
+def _tabulate_errors(table: pd.DataFrame, first: str, old_name: str) -> list[str]:
     """Return a header, a line per setting and mode, and a legend, in which `first` is trial 0."""
-    header = f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | {title}"
-    lines = [
-        f"{row.case:>6} {row.label:>12} {row.mode:>4} {SHORT_LABELS[row.error]:>5} | "
-        f"{cells(row)}{' *' if row.apart else ''}"
-        for row in table[np.isfinite(table["trial_0"])].itertuples()
-    ]
+    row = "{:>6} {:>12} {:>4} {:>5} | {:>7} | {:>20} | {:>7} | {:>20} | {:>7}".format
+    names = "trial 0", "median (5–95 %)", "trial 0", old_name, "change"
+    header, lines = row("case", "setting", "mode", "error", *names), []
+    for one in table[np.isfinite(table["trial_0"])].itertuples():
+        new = percent_text(one.trial_0), band_text(one.median, one.low, one.high)
+        old = "—" if np.isnan(one.trial_0_old) else percent_text(one.trial_0_old)
+        old_band = band_text(one.median_old, one.low_old, one.high_old)
+        change = "—" if np.isnan(one.difference) else f"{round(one.difference, 1) + 0.0:+.1f}"
+        of = one.case, one.label, one.mode, SHORT_LABELS[one.error]
+        lines.append(row(*of, *new, old, old_band, change) + " *" * one.apart)
     errors = [_ERRORS[name] for name in dict.fromkeys(table["error"])]
     meanings = "; ".join(f"{label}: {meaning}" for *_, label, meaning in errors)
     legend = (
@@ -298,12 +280,7 @@ def error_lines(cube: xr.Dataset) -> list[str]:
     if "trial_0" not in table:
         new = "quantity" in table and read_published(cube.attrs["figure_set"]) is None
         return [f"{r.quantity}: {r.value:.5g} {r.unit}" for r in table.itertuples() if new]
-    title = f"{'trial 0':>7} | {'median (5–95 %)':>20} | {'published':>20}"
-
-    def cells(row: Any) -> str:
-        return f"{percent_text(row.trial_0):>7} | {_bands(row)}"
-
-    return _tabulate_errors(table, cube.attrs["trial_0"], title, cells)
+    return _tabulate_errors(table, cube.attrs["trial_0"], "published")
 
 
 def all_difference_lines(

@@ -4,18 +4,13 @@ import csv
 import json
 import sys
 from collections.abc import Iterable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from thesis_lib.files import shipped, whole_text
-from thesis_lib.text import describe_damage
+from thesis_lib.text import RefusedError, describe_damage
 
 EFFORT_COLUMNS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
-MAX_SIMILAR_RATIO = 1.5  # machines and what else they do differ by as much
-
-
-class EffortError(ValueError):
-    """Published efforts that cannot be read; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,7 @@ def read_efforts() -> dict[str, Effort]:
 
     Raises
     ------
-    EffortError
+    RefusedError
         If the file is damaged.
     """
     path = _published_path()
@@ -84,22 +79,14 @@ def read_efforts() -> dict[str, Effort]:
             rows = [[row[name] for name in EFFORT_COLUMNS] for row in csv.DictReader(stream)]
         return {name: Effort(*map(float, numbers)) for name, *numbers in rows}
     except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
-        raise EffortError(describe_damage(path, error)) from None
+        raise RefusedError(describe_damage(path, error)) from None
 
 
 def write_efforts(notebooks: Iterable[Path]) -> None:
-    """Publish the efforts that executed notebooks carry.
-
-    A line stays as it is while nothing in it has changed much, so that two who publish what they
-    measured on their own machines do not change the same lines.
-    """
-    before, lines = read_efforts(), [",".join(EFFORT_COLUMNS)]
+    """Publish the efforts that executed notebooks carry."""
+    lines = [",".join(EFFORT_COLUMNS)]
     for notebook in notebooks:
         carried = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]
-        new = Effort(*(float(carried[name]) for name in EFFORT_COLUMNS[1:]))
-        name = notebook.stem
-        old = before.get(name, new)
-        pairs = zip(astuple(old), astuple(new), strict=True)
-        one = old if all(max(pair) <= MAX_SIMILAR_RATIO * min(pair) for pair in pairs) else new
-        lines.append(f"{name},{one.seconds:.1f},{one.peak_memory_mb:.0f},{one.cube_mb:.2f}")
+        seconds, memory, size = (float(carried[name]) for name in EFFORT_COLUMNS[1:])
+        lines.append(f"{notebook.stem},{seconds:.1f},{memory:.0f},{size:.2f}")
     whole_text(_published_path(), "\n".join(lines) + "\n")

@@ -16,7 +16,7 @@ import numpy as np
 
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vibration import finite_elements, polygons
-from thesis_lib.vibration.structure import Sheet
+from thesis_lib.vibration.structure import Sheet, cell_centres, mode_numbers
 
 MODES_PER_BATCH = 10  # modes found at a time
 ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it
@@ -49,18 +49,16 @@ class Panel(Sheet):
     element_size: float  #: Length of an element's side in m
 
     def __post_init__(self) -> None:
-        for name in ("thickness", "density", "youngs_modulus", "element_size"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise polygons.ShapeError(name, value, "a number above 0")
-        if not -1 < self.poisson < 0.5:
-            raise polygons.ShapeError("poisson", self.poisson, "a number above -1 and below 0.5")
-        if not 0 <= self.damping < math.sqrt(0.5):
-            raise polygons.ShapeError("damping", self.damping, "a number from 0 to below 0.707")
-        if not np.all(np.isfinite(self.force_position)):
-            raise polygons.ShapeError("force_position", self.force_position, "finite numbers")
-        if min(self.grid) < 1:
-            raise polygons.ShapeError("grid", self.grid, "whole numbers from 1")
+        positive = ("thickness", "density", "youngs_modulus", "element_size")
+        for name, is_right, allowed in (
+            *((one, 0 < getattr(self, one) < math.inf, "a number above 0") for one in positive),
+            ("poisson", -1 < self.poisson < 0.5, "a number above -1 and below 0.5"),
+            ("damping", 0 <= self.damping < math.sqrt(0.5), "a number from 0 to below 0.707"),
+            ("force_position", np.isfinite(self.force_position).all(), "finite numbers"),
+            ("grid", min(self.grid) >= 1, "whole numbers from 1"),
+        ):
+            if not is_right:
+                raise polygons.ShapeError(name, getattr(self, name), allowed)
         _check_polygon("outline", self.outline)
         low = np.min(self.outline, axis=0)
         if np.any(np.abs(low) > ON_EDGE * max(self.extent)):
@@ -100,9 +98,7 @@ class Panel(Sheet):
     @property
     def markers(self) -> Array:
         """Centres of the cells that are on the panel, shape (2, markers), in m; x runs fastest."""
-        (nx, ny), (length, width) = self.grid, self.extent
-        x, y = (np.arange(nx) + 0.5) * length / nx, (np.arange(ny) + 0.5) * width / ny
-        centres = np.stack([np.tile(x, ny), np.repeat(y, nx)])
+        centres = cell_centres(self.grid, self.extent)
         return centres[:, self.covers(centres)]
 
     @property
@@ -130,11 +126,6 @@ class Panel(Sheet):
         ratio = self.bending_stiffness / self.mass_per_area
         return np.sqrt(_find_modes(self, n_modes).eigenvalues[:n_modes] * ratio)
 
-    def modal_density(self, omega: ArrayLike) -> Array:
-        """Return the modes per rad/s at high frequency, S/(4π) √(m/D), whatever the shape."""
-        density = self.area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
-        return np.full_like(np.asarray(omega, float), density)
-
     def shape_peak(self, mode: int) -> float:
         """Return the largest absolute value of a mode shape at the corners of the elements."""
         return float(_find_modes(self, mode).peaks[mode - 1])
@@ -145,10 +136,7 @@ class Panel(Sheet):
         Their mean square over the panel is 1, and their signs are those of
         :func:`thesis_lib.vibration.finite_elements.plate_modes`.
         """
-        numbers = np.asarray(modes, np.int64)
-        if numbers.min() < 1:
-            raise polygons.ShapeError("modes", list(modes), "numbers from 1")
-        points = np.asarray(points, float)
+        numbers, points = mode_numbers(modes), np.asarray(points, float)
         flat = points.reshape(2, -1)
         values = np.full((len(numbers), flat.shape[1]), np.nan)
         on = self.covers(flat)
@@ -174,8 +162,6 @@ def _compute_batch(panel: Panel, batches: int) -> finite_elements.PlateModes:
 
 def _find_modes(panel: Panel, n_modes: int) -> finite_elements.PlateModes:
     """Compute at least so many modes, once."""
-    if n_modes < 1:
-        raise polygons.ShapeError("n_modes", n_modes, "1 or more")
     return _compute_batch(panel, math.ceil(n_modes / MODES_PER_BATCH))
 
 

@@ -57,12 +57,18 @@ class Structure(Protocol):
         """Return the mode shapes at `points` (2, ...), shape (modes, ...)."""
 
 
-def _numbers_from_one(modes: Sequence[int]) -> IntArray:
+def mode_numbers(modes: Sequence[int]) -> IntArray:
     """Return the mode numbers as an array, refused unless they begin with 1."""
     numbers = np.asarray(modes, np.int64)
     if numbers.min() < 1:
         raise ValueError(f"modes: given {list(modes)}, needs numbers from 1")
     return numbers
+
+
+def cell_centres(grid: tuple[int, int], extent: tuple[float, float]) -> Array:
+    """Return the centres of a grid of equal cells, shape (2, nx · ny), in m; x runs fastest."""
+    x, y = ((np.arange(n) + 0.5) * side / n for n, side in zip(grid, extent, strict=True))
+    return np.stack([np.tile(x, grid[1]), np.repeat(y, grid[0])])
 
 
 def resonance_frequency(structure: Structure, mode: int) -> float:
@@ -133,13 +139,7 @@ def peak_deflection(structure: Structure, mode: int, force: float = 1.0) -> floa
     return float(abs(q) * structure.shape_peak(mode))
 
 
-def deflection_shape(
-    structure: Structure,
-    mode: int,
-    points: ArrayLike,
-    peak: float | None = None,
-    force: float | None = None,
-) -> Array:
+def deflection_shape(structure: Structure, mode: int, points: ArrayLike, peak: float) -> Array:
     """Return the single-mode deflection at the instant of its maximum (eq. 3.7), in m.
 
     The instant is that of the largest |Re q|: at resonance q is almost purely imaginary, so the
@@ -153,26 +153,14 @@ def deflection_shape(
         Mode number from 1.
     points : array_like, shape (2, ...)
         Positions in m.
-    peak : float, optional
-        Largest |w| over the structure in m.
-    force : float, optional
-        Amplitude in N of the point force at the mode's resonance; instead of `peak`.
+    peak : float
+        Largest |w| over the structure in m; :func:`peak_deflection` is that for a force.
 
     Returns
     -------
     ndarray, shape (...)
         Deflection in m.
-
-    Raises
-    ------
-    ValueError
-        If not exactly one of `peak` and `force` is given.
     """
-    if (peak is None) == (force is None):
-        raise ValueError(f"peak, force: given {peak} and {force}, needs exactly one of them")
-    if peak is None:
-        assert force is not None
-        peak = peak_deflection(structure, mode, force)
     return structure.mode_shapes([mode], points)[0] * (peak / structure.shape_peak(mode))
 
 
@@ -282,7 +270,7 @@ class Beam:
             Dimensionless for derivative 0 (2 at the tip), else in m^-derivative.
         """
         x = np.asarray(points, float)[0]
-        beta = cantilever_roots(max(modes))[_numbers_from_one(modes) - 1]
+        beta = cantilever_roots(max(modes))[mode_numbers(modes) - 1]
         beta = beta.reshape((-1,) + (1,) * x.ndim)
         decay = np.exp(-beta)
         scale = 1 + decay**2 + 2 * decay * np.cos(beta)
@@ -386,6 +374,16 @@ class Sheet:
         """Return the position of the force, shape (2, 1), in m."""
         return np.array(self.force_position, float)[:, None]
 
+    @property
+    def area(self) -> float:
+        """Return the area in m²."""
+        raise NotImplementedError
+
+    def modal_density(self, omega: ArrayLike) -> Array:
+        """Return the modes per rad/s, S/(4π) √(m/D): of a panel those at high frequency."""
+        density = self.area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
+        return np.full_like(np.asarray(omega, float), density)
+
 
 @dataclass(frozen=True)
 class Plate(Sheet):
@@ -403,6 +401,11 @@ class Plate(Sheet):
     grid: tuple[int, int]  #: Markers along x and y: the centres of so many equal cells
 
     @property
+    def area(self) -> float:
+        """Return the area in m²."""
+        return self.length * self.width
+
+    @property
     def mass(self) -> float:
         """Mass ρ Lx Ly h in kg, which is also every mode's modal mass."""
         return self.density * self.length * self.width * self.thickness
@@ -415,10 +418,7 @@ class Plate(Sheet):
     @property
     def markers(self) -> Array:
         """Return the cell centres, shape (2, nx · ny), in m; x runs fastest."""
-        nx, ny = self.grid
-        x = (np.arange(nx) + 0.5) * self.length / nx
-        y = (np.arange(ny) + 0.5) * self.width / ny
-        return np.stack([np.tile(x, ny), np.repeat(y, nx)])
+        return cell_centres(self.grid, self.extent)
 
     def mode_indices(self, n_modes: int) -> IntArray:
         """Return index pairs (m₁, m₂) of the first modes in order of frequency, shape (n_modes, 2).
@@ -435,12 +435,6 @@ class Plate(Sheet):
         waves = np.pi * self.mode_indices(n_modes) / self.extent
         return np.sqrt(self.bending_stiffness / self.mass_per_area) * np.sum(waves**2, axis=1)
 
-    def modal_density(self, omega: ArrayLike) -> Array:
-        """Return the modes per rad/s, S/(4π) √(m/D), at any frequency the same."""
-        area = self.length * self.width
-        density = area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
-        return np.full_like(np.asarray(omega, float), density)
-
     def shape_peak(self, mode: int) -> float:
         """Return the largest absolute value of a mode shape: 2, at the antinodes."""
         return 2.0
@@ -448,7 +442,7 @@ class Plate(Sheet):
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
         """Return mode shapes 2 sin(m₁πx/Lx) sin(m₂πy/Ly) at `points` (2, ...) (eq. 4.4)."""
         x, y = np.asarray(points, float)
-        m = self.mode_indices(max(modes))[_numbers_from_one(modes) - 1].T
+        m = self.mode_indices(max(modes))[mode_numbers(modes) - 1].T
         m1, m2 = m.reshape((2, -1) + (1,) * x.ndim)
         return 2 * np.sin(m1 * np.pi * x / self.length) * np.sin(m2 * np.pi * y / self.width)
 

@@ -46,17 +46,17 @@ class Centres:
     feasible: Mask  #: Whether the point is an analytic centre, shape (...)
 
 
-def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:
+def analytic_centre(P: ArrayLike, uv: ArrayLike) -> Centres:
     """Return the analytic centres of the polytopes that rounded images (cameras, 2, ...) leave.
 
     The same as :func:`joint_centre` for one frame of every point.
     """
     P, uv = triangulation.check_arrays(P, uv)
-    found = joint_centre(P, uv[:, :, None], half_width_px)
+    found = joint_centre(P, uv[:, :, None])
     return Centres(found.points[:, 0], found.feasible)
 
 
-def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:
+def joint_centre(P: ArrayLike, uv: ArrayLike) -> Centres:
     """Return the analytic centres for several images of markers that move along Z: common x and y.
 
     Parameters
@@ -67,8 +67,6 @@ def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Cen
         Centres of the slabs in px, such as those at rest and those deflected: rounded image
         coordinates, less the shift of the grid on which they were rounded. NaN in any camera or
         frame gives NaN.
-    half_width_px : float
-        Half the width of the slabs.
 
     Returns
     -------
@@ -80,14 +78,12 @@ def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Cen
     Raises
     ------
     ValueError
-        If fewer than two cameras are given, the shapes do not match, or the width is not positive.
+        If fewer than two cameras are given, or the shapes do not match.
     """
     P, uv = triangulation.check_frames(P, uv)
-    if not 0 < half_width_px < np.inf:
-        raise ValueError(f"half_width_px: given {half_width_px}, allowed: a number above 0, in px")
     start = triangulation.triangulate(P, uv)
     n, frames = len(P), uv.shape[2]
-    slabs = _Slabs(P, half_width_px)
+    slabs = _Slabs(P)
     pixels = uv.reshape(n, 2, frames, -1)
     points = start.reshape(3, frames, -1).copy()
     feasible = np.zeros(pixels.shape[3], bool)
@@ -109,9 +105,8 @@ class _Slabs:
     per camera, as the gradient of Σ log s is in three.
     """
 
-    def __init__(self, P: Array, half_width: float) -> None:
+    def __init__(self, P: Array) -> None:
         P, self.middle = triangulation.centre_projections(P)
-        self.half_width = half_width
         self.rows = np.concatenate([P[:, 0], P[:, 1], P[:, 2]])
         a = P[:, :, :3]
         i, j = triangulation.UPPER_INDICES
@@ -166,7 +161,7 @@ class _Slabs:
         x = points.take(active, axis=2)  # takes and compresses stay contiguous, indices do not
         x[:2] = x[:2].mean(axis=1, keepdims=True)
         uv = pixels.take(active, axis=3).reshape(len(pixels), 2, -1).swapaxes(0, 1) - self.middle
-        edges = np.stack([uv - self.half_width, uv + self.half_width])
+        edges = np.stack([uv - 0.5, uv + 0.5])
         s = self.slacks(edges, x.reshape(3, -1))
         widened = np.maximum(_MARGIN_RATIO * np.abs(s[0] + s[1]) - s, 0)
         tau = 1.0 - _all_slacks(widened == 0, frames)

@@ -17,11 +17,9 @@ and Var z = Σ gⱼ² σⱼ². What σⱼ is depends on what makes the error:
 The gains are those of the centre, so the forms hold for motions up to 1 % of the distance. There
 they are within 1 % of :func:`thesis_lib.vision.rounding.deflection_variance`, which has the gains
 of the moved point; at 2 % of the distance a narrow pair is off by up to 4 %, at 6 % by up to 28 %.
-Given a larger motion, they refuse it.
 
 Throughout, `distance` R is in m, `focal_px` f and `sigma_px` σ of an image coordinate in px, angles
-are in rad, and `motion` is the largest motion of the centre in m, if it is to be checked: above 1 %
-of the distance it is a ValueError. Arrays broadcast.
+are in rad. Arrays broadcast.
 """
 
 import numpy as np
@@ -32,27 +30,11 @@ from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
 MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes
 # Angle of the cone on which all directions are alike
 ISOTROPIC_ANGLE_RAD = np.arcsin(np.sqrt(2 / 3))
-# Largest motion that the closed forms accept, as a fraction of the distance: up to it they are
+# Largest motion that the closed forms are for, as a fraction of the distance: up to it they are
 # within 1 % of the law with the gains of the moved point, for pairs 5° to 85° high and 8° to 180°
 # wide.
 MAX_MOTION_FRACTION = 0.01
 _SERIES_TERMS = 400  # of the series of a rounding error
-
-
-def check_motion(motion: ArrayLike, distance: ArrayLike) -> None:
-    """Refuse motions in m that are too large for the closed forms; 0 stands for a small one.
-
-    Raises
-    ------
-    ValueError
-        If a motion is above `MAX_MOTION_FRACTION` of its distance.
-    """
-    fraction = np.max(np.abs(motion) / np.asarray(distance, float), initial=0)
-    if not fraction <= MAX_MOTION_FRACTION * (1 + 1e-9):
-        raise ValueError(
-            f"motion: given {100 * fraction:.3g} % of the distance, allowed: up to "
-            f"{100 * MAX_MOTION_FRACTION:g} %; use rounding.deflection_variance for larger motions"
-        )
 
 
 def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
@@ -78,7 +60,6 @@ def cone_deflection_error(
     n_cameras: ArrayLike,
     angle: ArrayLike,
     sigma_px: float = MOTION_PX,
-    motion: ArrayLike = 0.0,
 ) -> Array:
     """Return R σ / (f √N sin θ), the standard deviation in m along the normal of a cone's centre.
 
@@ -88,9 +69,8 @@ def cone_deflection_error(
     Raises
     ------
     ValueError
-        If there are fewer than two cameras, or the motion is too large.
+        If there are fewer than two cameras.
     """
-    check_motion(motion, distance)
     n = np.asarray(n_cameras, float)
     if not np.all(n >= 2):
         raise ValueError(f"n_cameras: given {np.min(n):g}, allowed: 2 or more")
@@ -99,12 +79,7 @@ def cone_deflection_error(
 
 
 def cone_covariance(
-    distance: float,
-    focal_px: float,
-    n_cameras: int,
-    angle: float,
-    sigma_px: float = MOTION_PX,
-    motion: ArrayLike = 0.0,
+    distance: float, focal_px: float, n_cameras: int, angle: float, sigma_px: float = MOTION_PX
 ) -> Array:
     """Return the covariance (3, 3) in m² of a point at the centre of a cone of 3 or more cameras.
 
@@ -116,10 +91,8 @@ def cone_covariance(
     Raises
     ------
     ValueError
-        If there are fewer than three cameras, which have no axis of symmetry, or the motion is too
-        large.
+        If there are fewer than three cameras, which have no axis of symmetry.
     """
-    check_motion(motion, distance)
     if n_cameras < 3:  # which have no axis of symmetry
         raise ValueError(f"n_cameras: given {n_cameras}, allowed: 3 or more")
     sine2 = np.sin(angle) ** 2
@@ -135,7 +108,6 @@ def pair_deflection_error(
     elevation: ArrayLike,
     sigma_px: ArrayLike = MOTION_PX,
     sideways_px: ArrayLike = 0.0,
-    motion: ArrayLike = 0.0,
 ) -> Array:
     """Return the standard deviation in m along the normal, of two cameras that share an elevation.
 
@@ -144,7 +116,6 @@ def pair_deflection_error(
     (`sideways_px`) of the image coordinates down and to the right. A rounded deflection of the
     centre has σ_u = 0, which leaves R σ_v / (f √2 cos φ), whatever the aperture.
     """
-    check_motion(motion, distance)
     upright = np.asarray(sigma_px, float) / np.cos(elevation)
     across = sideways_px * np.tan(elevation) / np.tan(np.asarray(aperture, float) / 2)
     scale = np.asarray(distance, float) / np.asarray(focal_px, float)
@@ -157,7 +128,6 @@ def pair_noise_error(
     aperture: ArrayLike,
     elevation: ArrayLike,
     sigma_px: float = MOTION_PX,
-    motion: ArrayLike = 0.0,
 ) -> Array:
     """Return the error of a pair with independent noise, alike in all coordinates, in m.
 
@@ -165,7 +135,7 @@ def pair_noise_error(
     rounding.
     """
     angles = aperture, elevation
-    return pair_deflection_error(distance, focal_px, *angles, sigma_px, sigma_px, motion)
+    return pair_deflection_error(distance, focal_px, *angles, sigma_px, sigma_px)
 
 
 def fitted_amplitude_error(amplitude_px: ArrayLike) -> Array:

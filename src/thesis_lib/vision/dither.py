@@ -10,8 +10,8 @@ Gaussian shake of standard deviation s. Over random positions of the pixel grid 
 half the square of what is left of it.
 
 All lengths are in px: amplitudes a of a coordinate's motion, and the standard deviation s of a
-camera's shake, independent from frame to frame. A negative one, or one that is not finite, is a
-ValueError. Variances are over random pixel grids; arrays broadcast.
+camera's shake, independent from frame to frame. Variances are over random pixel grids; arrays
+broadcast.
 """
 
 from collections.abc import Callable
@@ -101,20 +101,10 @@ def _sum_harmonics(
     square: Callable[[Array, Array], Array], amplitude_px: ArrayLike, shake_px: ArrayLike
 ) -> Array:
     """Return Σ_k square(k, a) exp(−4π²k²s²) / (π²k²)."""
-    a, s = np.broadcast_arrays(
-        _check_lengths("amplitude_px", amplitude_px), _check_lengths("shake_px", shake_px)
-    )
+    a, s = np.broadcast_arrays(np.asarray(amplitude_px, float), np.asarray(shake_px, float))
     total = np.zeros(a.shape)
     for first in range(1, _HARMONIC_COUNT + 1, _HARMONICS_PER_PASS):
         k = np.arange(first, first + _HARMONICS_PER_PASS, dtype=float).reshape(-1, *[1] * a.ndim)
         left = np.exp(-((2 * np.pi * k * s) ** 2))
         total += np.sum(square(k, a) * left / (np.pi * k) ** 2, axis=0)
     return total
-
-
-def _check_lengths(name: str, lengths: ArrayLike) -> Array:
-    values = np.asarray(lengths, float)
-    wrong = values[~(np.isfinite(values) & (values >= 0))]
-    if wrong.size:
-        raise ValueError(f"{name}: given {wrong[0]}, allowed: finite numbers from 0, in px")
-    return values
