@@ -29,7 +29,7 @@ from thesis_lib.book.html_pages import finish_pages
 from thesis_lib.book.pieces.manifest import SAMPLE_PAGE
 from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, read_once
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.files import folder_files, sha256, staging, whole_file, whole_text
+from thesis_lib.files import sha256, staging, whole_file, whole_text
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs.execute import Progress
 from thesis_lib.runs.postprocess import DATA_FOLDER
@@ -37,6 +37,7 @@ from thesis_lib.studies import request, schema, storage
 from thesis_lib.web import page as web_page
 
 ARCHIVE_NAME = "vibration-by-many-cameras"
+_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold
 _COMPRESSED_SUFFIXES = {".nc", ".png", ".webp", ".woff2", ".gz"}
 
 
@@ -71,14 +72,17 @@ def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> 
 
 
 def pack_book(book: Path, place: Path) -> None:
-    """Pack a rendered book into one zip file."""
+    """Pack a rendered book into one zip file; the same book gives the same bytes."""
 
     def write_archive(part: Path) -> None:
-        with zipfile.ZipFile(part, "w", compresslevel=4, strict_timestamps=False) as packed:
-            for path in folder_files([book]):
+        with zipfile.ZipFile(part, "w") as packed:
+            inside = {p.relative_to(book).as_posix(): p for p in book.rglob("*") if p.is_file()}
+            for name, path in sorted(inside.items()):
+                entry = zipfile.ZipInfo(f"{ARCHIVE_NAME}/{name}", _ZIP_DATE)
+                entry.create_system, entry.external_attr = 3, 0o100644 << 16  # everywhere alike
                 stored = path.suffix in _COMPRESSED_SUFFIXES
-                kind = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
-                packed.write(path, f"{ARCHIVE_NAME}/{path.relative_to(book)}", kind)
+                entry.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
+                packed.writestr(entry, path.read_bytes(), compresslevel=4)
 
     whole_file(place, write_archive)
 
@@ -134,11 +138,22 @@ _WARNING_PATTERN = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
 
 def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
-    """Render the book of a project into ``build/html``, pack it, and return the page to open.
+    """Render the book of a project into ``build/html``, and pack it as one zip file.
 
     Sphinx reads and writes again what has changed since the last call. A failed build leaves the
-    finished book alone. `made` holds the executed notebook and the cube of each figure set, which
-    the pages offer and describe.
+    finished book alone.
+
+    Parameters
+    ----------
+    root : Path
+        The folder of the project.
+    made : sequence of tuple
+        Executed notebook and cube of each figure set, which the pages offer and describe.
+
+    Returns
+    -------
+    Path
+        The page to open.
     """
     install_assets(root)
     source = run_sphinx(root, "html")
