@@ -27,8 +27,6 @@ from thesis_lib.arrays import Array, ArrayLike
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom in fractions of the figure
 
-BELOW_PANEL = "below"
-"""Prefix of the name of a panel that belongs to the one above it, also on a phone."""
 MARGIN_PT = 3.0
 MAX_SCALE_WIDTH = 0.13  # fraction of the figure's width: what is narrower is a colour scale
 
@@ -191,32 +189,20 @@ def find_panels(figure: Figure) -> str:
             figure.transFigure.inverted()
         )
         box = (max(extent.x0, 0), max(1 - extent.y1, 0), min(extent.x1, 1), min(1 - extent.y0, 1))
-        middle = (box[0] + box[2]) / 2
-        above = [one for one in boxes if one[0] < middle < one[2] and one[1] < box[1]]
-        if above and str(artist.get_gid() or "").startswith(BELOW_PANEL):
-            upper = max(above, key=lambda one: one[1])
-            boxes[boxes.index(upper)] = _join(upper, box)
+        left = [one for one in boxes if one[0] < box[0] and _abreast(one, box)]
+        if left and box[2] - box[0] <= MAX_SCALE_WIDTH:  # a scale goes with the panel on its left
+            x0, y0, x1, y1 = panel = max(left)
+            whole = min(x0, box[0]), min(y0, box[1]), max(x1, box[2]), max(y1, box[3])
+            boxes[boxes.index(panel)] = whole
         else:
             boxes.append(box)
-    boxes = _sort_for_reading(_join_scales(boxes))
+    boxes = _sort_for_reading(boxes)
     if not any(_abreast(*two) for two in pairwise(boxes)):
         return ""
     return ";".join(
         f"{100 * left:.1f} {100 * top:.1f} {100 * (right - left):.1f} {100 * (bottom - top):.1f}"
         for left, top, right, bottom in boxes
     )
-
-
-def _join_scales(boxes: list[Box]) -> list[Box]:
-    """Join each narrow box, a colour scale, with the panel on its left."""
-    panels = [one for one in boxes if one[2] - one[0] > MAX_SCALE_WIDTH]
-    for scale in (one for one in boxes if one not in panels):
-        left = [one for one in panels if one[0] < scale[0] and _abreast(one, scale)]
-        if left:
-            panels[panels.index(max(left))] = _join(max(left), scale)
-        else:
-            panels.append(scale)
-    return panels
 
 
 def _sort_for_reading(boxes: list[Box]) -> list[Box]:
@@ -228,11 +214,6 @@ def _sort_for_reading(boxes: list[Box]) -> list[Box]:
         else:
             rows.append([box])
     return [box for row in rows for box in sorted(row)]
-
-
-def _join(one: Box, other: Box) -> Box:
-    """Return the box around two boxes."""
-    return (*map(min, one[:2], other[:2]), *map(max, one[2:], other[2:]))  # type: ignore[return-value]
 
 
 def _abreast(one: Box, other: Box) -> bool:

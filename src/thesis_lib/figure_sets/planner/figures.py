@@ -202,15 +202,15 @@ def layouts(cube: xr.Dataset) -> Figure:
         corners = along, np.zeros(4), up
         if obstacle == "machine":
             corners = np.full(4, figure_set.MACHINE_BOX_MM[0] / 1000), along, up
-        for panel, (_, azimuth, elevation) in zip(column, plan_report.LAYOUT_VIEWS, strict=False):
+        views = zip(column, plan_report.LAYOUT_VIEWS, strict=False)
+        for panel, (words, azimuth, elevation) in views:
+            panel.set_title(f"{question}, {words}".replace(": ", ":\n"), fontsize=7)
             plan_report.layout_panel(panel, part, azimuth, elevation)
             if obstacle:
                 face = 1000 * project_parallel(np.stack(corners, axis=1), azimuth, elevation)
                 panel.fill(*face.T, color=style.HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
                 where: Any = {"fontsize": 8, "ha": "center", "va": "top"}
                 panel.annotate(obstacle, face[1], color=style.HIGHLIGHT_COLOR, **where)
-        column[0].set_title(question)
-        column[1].set_gid(f"{style.BELOW_PANEL}-{question}")
     for spare in columns[len(shown) :].flat:
         spare.axis("off")
     return drawing
