@@ -10,7 +10,6 @@ from collections import defaultdict
 from dataclasses import fields
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -117,14 +116,6 @@ FROM = {
         "targets": "cost", "verification": "simulated_error", "sound": "sound_error",
     },
 }  # fmt: skip
-PARTS = {"macros", "noisy-table", "share-table", "readable"}  # of other templates
-FIXED = {"flow"}  # of constants, not of the cube
-
-
-@pytest.mark.parametrize("name", FROM)
-def test_every_text_is_among_them(name):
-    folder = Path(display.figures_module(name).__file__).parent / "templates"
-    assert {one.stem for one in folder.glob("*.md")} - PARTS - FIXED == set(FROM[name])
 
 
 @pytest.mark.parametrize(

@@ -271,18 +271,6 @@ def test_everything_by_keyboard(chromium, path):
         assert focused(opened) == "Ratio"  # sorting leaves the focus
 
 
-def test_the_rows_of_a_phone_are_cards(chromium, path):
-    with open_offline(chromium, path, width=320) as opened:
-        for width in (320, 699, 740):
-            opened.page.set_viewport_size({"width": width, "height": 900})
-            opened.page.wait_for_timeout(100)
-            assert opened.sideways_px() <= 0
-            what, stated = (claim(opened, 2).locator(f".tl-ledger-{one}").evaluate(
-                "e => e.getBoundingClientRect().y") for one in ("what", "stated"))  # fmt: skip
-            assert (what < stated - 10) == (width < 700)
-            opened.page.get_by_role("button", name="Ratio").click()  # remains
-
-
 def test_paper_gets_what_the_filters_leave(chromium, path):
     with open_offline(chromium, path, dark=True, width=700, query="chapter=3") as opened:
         opened.page.emulate_media(media="print", color_scheme="dark")

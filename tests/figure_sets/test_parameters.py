@@ -1,12 +1,10 @@
 """Parameters: what is refused and how, what stands for a request, what the notebooks say."""
 
-import ast
 import math
 import typing
 from pathlib import Path
 
 import nbformat
-import papermill
 import pytest
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
@@ -176,20 +174,6 @@ def test_parameter_cells_are_written_from_the_declared_parameters(name):
     cells = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4).cells
     (cell,) = [one for one in cells if "parameters" in one.metadata.get("tags", [])]
     assert cell.source == parameter_cell(STUDIES[name]), f"run `thesis cells {name}`"
-
-
-@pytest.mark.parametrize("name", STUDIES)
-def test_papermill_reads_defaults_types_and_units_from_the_cell(name):
-    told = papermill.inspect_notebook(str(NOTEBOOKS / f"{name}.ipynb"))
-    values = {field: ast.literal_eval(row["default"]) for field, row in told.items()}
-    assert set(values) == set(STUDIES[name].model_fields)
-    assert validate_request(name, values) == STUDIES[name]()
-    for field, row in told.items():
-        number = isinstance(values[field], int) and row["inferred_type_name"] == "float"
-        assert number or type(values[field]).__name__ == row["inferred_type_name"], field
-        unit = unit_of_field(field).replace("°", "degrees")
-        assert not unit or row["help"].startswith(f"{unit}, "), field
-        assert len(row["help"]) > 5, field
 
 
 def kinds(annotation):
