@@ -1,6 +1,5 @@
 """Figures and tables of the ledger: claimed against computed values, chapter by chapter."""
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from itertools import product
 from typing import Any
@@ -118,17 +117,11 @@ class LedgerTable(anywidget.AnyWidget):
     def _plain(self, proposal: Mapping[str, Any]) -> Any:
         return copy_plain(proposal["value"])
 
-    def __repr__(self) -> str:
-        rows = self.data.get("rows", [])
-        found = Counter(row["verdict"] for row in rows if row["counted"])
-        counts = ", ".join(f"{found[one]} {one}" for one in verdicts.VERDICTS)
-        return f"LedgerTable({len(rows)} claims, {found.total()} counted: {counts})"
-
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
         shown = {"data": self.data, "page": True}
         page = static_html(_LEDGER_SCRIPT, _LEDGER_STYLE, shown, NO_SCRIPT_TEXT, prints=True)
-        return {**data, "text/plain": repr(self), "text/html": page}, metadata
+        return {**data, "text/plain": NO_SCRIPT_TEXT, "text/html": page}, metadata
 
 
 def count_totals(cube: xr.Dataset) -> dict[str, Any]:
