@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -82,10 +83,11 @@ def code_digest(figure_set: FigureSet) -> str:
     return hashlib.sha256(f"{own} {storage.package_versions()}".encode()).hexdigest()
 
 
-def request_key(asked: Study) -> str:
+def request_key(asked: Any) -> str:
     """Return the digest of all that determines the cube of a request, others' included."""
     figure_set = registry.FIGURE_SETS[asked.name]
-    needed = [*map(request_key, figure_set.reads()), files.digest_of(figure_set.stored(asked))]
+    stored = [asked.recordings.stored_path] if figure_set.rendered else []
+    needed = [*map(request_key, figure_set.reads()), files.digest_of(stored)]
     text = json.dumps([asked.name, asked.digest, code_digest(figure_set), *needed])
     return hashlib.sha256(text.encode()).hexdigest()
 
