@@ -23,6 +23,9 @@ from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes, schema
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
+_BEAM_GRID = {
+    "left": 0.079, "right": 0.98, "bottom": 0.093, "top": 0.944, "wspace": 0.21, "hspace": 0.39
+}  # fmt: skip
 FAR_APART = 20.0
 """Where the greatest error is more times the least than this, their axis is logarithmic."""
 
@@ -181,7 +184,7 @@ def _write(axes: Axes, place: Array, text: str, **look: Any) -> None:
 def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setups, deflection shapes, marker errors and bars of a beam."""
     part = selection.select_settings(cube, case, mode)
-    drawing, axes = style.place_panels("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
+    drawing, axes = style.make_mosaic("ab;cd", (7.6, 5.4), None, gridspec_kw=_BEAM_GRID)
     setup_panel(axes["a"], cube, part)
     x, reference = part["x"].values * 1000, part["reference_deflection"] * 1000
     axes["b"].plot(x, reference, color=style.REFERENCE_COLOR, lw=3, label="reference")

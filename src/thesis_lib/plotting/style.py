@@ -103,40 +103,16 @@ def subplots(
     return figure, panels
 
 
-def make_mosaic(names: Any, figsize: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
-    """Return a figure and its panels by name like ``pyplot.subplot_mosaic``."""
-    figure = Figure(figsize=figsize, layout="constrained")
-    return figure, figure.subplot_mosaic(names, **how)
-
-
-def place_panels(
-    names: str,
-    size: tuple[float, float],
-    edges: tuple[float, float, float, float],
-    gaps: tuple[float, float],
-    heights: Sequence[float] | None = None,
+def make_mosaic(
+    names: Any, figsize: Any, layout: Any = "constrained", **how: Any
 ) -> tuple[Figure, dict[str, Any]]:
-    """Return a figure and its panels by name, in places that do not depend on their content.
+    """Return a figure and its panels by name like ``pyplot.subplot_mosaic``.
 
-    So figures of one kind are alike; and to look for room, as layout engines do, takes as long as
-    to draw. The names are as ``pyplot.subplot_mosaic`` takes them. In inches are the figure's width
-    and height (`size`), the room at the left, right, bottom and top (`edges`), and that between
-    columns and between rows (`gaps`). The `heights` of the rows are relative to each other.
+    Without a layout engine, which takes as long as to draw, they stand where ``gridspec_kw`` says,
+    whatever they hold: figures of one kind are alike.
     """
-    (width, height), (left, right, bottom, top) = size, edges
-    rows = names.split(";")
-    across = (width - left - right - gaps[0] * (len(rows[0]) - 1)) / len(rows[0])
-    up = (height - bottom - top - gaps[1] * (len(rows) - 1)) / len(rows)
-    grid = {
-        "left": left / width,
-        "right": 1 - right / width,
-        "bottom": bottom / height,
-        "top": 1 - top / height,
-        "wspace": gaps[0] / across,
-        "hspace": gaps[1] / up,
-    }
-    figure = Figure(figsize=size)
-    return figure, figure.subplot_mosaic(names, gridspec_kw=grid, height_ratios=heights)
+    figure = Figure(figsize=figsize, layout=layout)
+    return figure, figure.subplot_mosaic(names, **how)
 
 
 def bar_beside(panel: Axes, picture: Any, label: str) -> None:

@@ -220,8 +220,9 @@ def turn(cube: xr.Dataset) -> Figure:
 def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, ideal shape, best and worst measured shape, and bars."""
     part = selection.select_settings(cube, case, mode)
-    edges, gaps = (0.6, 0.85, 0.5, 0.3), (0.75, 0.75)
-    drawing, axes = style.place_panels("abb;cde", (8.2, 5.6), edges, gaps, (1.5, 1))
+    grid = {"left": 0.073, "right": 0.896, "bottom": 0.089, "top": 0.946, "wspace": 0.43}
+    how: Any = {"gridspec_kw": grid | {"hspace": 0.37}, "height_ratios": (1.5, 1)}
+    drawing, axes = style.make_mosaic("abb;cde", (8.2, 5.6), None, **how)
     figures.setup_panel(axes["a"], cube, part)
     figures.bar_panel(axes["b"], part, [selection.error_bars(cube, case, mode)])
     axes["b"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
@@ -250,8 +251,9 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, bars of both planes, and on both the ideal field, best and worst error."""
     part = selection.select_settings(cube, case, mode)
-    edges, gaps = (0.6, 0.75, 0.5, 0.3), (0.95, 0.8)
-    drawing, axes = style.place_panels("abb;cde;fgh", (8.2, 8.0), edges, gaps, (1.6, 1, 1))
+    grid = {"left": 0.073, "right": 0.909, "bottom": 0.063, "top": 0.963, "wspace": 0.58}
+    how: Any = {"gridspec_kw": grid | {"hspace": 0.43}, "height_ratios": (1.6, 1, 1)}
+    drawing, axes = style.make_mosaic("abb;cde;fgh", (8.2, 8.0), None, **how)
     figures.setup_panel(axes["a"], cube, part)
     bars = [selection.error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
     figures.bar_panel(axes["b"], part, bars)
