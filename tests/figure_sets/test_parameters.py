@@ -10,11 +10,13 @@ from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
 from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
+from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook.new_set import parameter_cell
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.fields import unit_of_field
 from thesis_lib.studies.request import describe_parameters
+from thesis_lib.web.html import read_asset
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 # Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
@@ -174,6 +176,13 @@ def test_parameter_cells_are_written_from_the_declared_parameters(name):
     cells = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4).cells
     (cell,) = [one for one in cells if "parameters" in one.metadata.get("tags", [])]
     assert cell.source == parameter_cell(STUDIES[name]), f"run `thesis cells {name}`"
+
+
+@pytest.mark.parametrize("name", COMPUTED_SETS)
+def test_pages_compute_with_every_parameter_but_those_of_draws(name):
+    script = read_asset("recompute.js")
+    of_draws = "trials", "seed", "cube"
+    assert all(field in script for field in STUDIES[name].model_fields if field not in of_draws)
 
 
 def kinds(annotation):
