@@ -35,14 +35,11 @@ def error_table(cube: xr.Dataset) -> Markdown:
         if (error, mode) not in table.index or error == "max_point_error":
             continue
         predicted = cubes.predicted_value(cube, error).sel(mode=mode).values
-        cells = table.loc[[(error, mode)]].to_dict("records")
-        for i, cell in enumerate(cells):
-            cell["predicted"] = predicted[i]
-            if np.isnan(cell["trial_0"]):  # a nodal plane: relative to the other's pressure
-                part = cube["plane_error_of_larger"].isel(setting=i)
-                values = part.sel(mode=mode, plane=plane).values
-                cell["of_larger"] = np.median(values[1:] if values.size > 1 else values)
-        columns[f"mode {mode}" + (f", {plane}" if plane else "")] = cells
+        cells = table.loc[[(error, mode)]].assign(predicted=predicted)
+        if plane and cells["trial_0"].isna().any():  # nodal: relative to the other's pressure
+            larger = cube["plane_error_of_larger"].sel(mode=mode, plane=plane)
+            cells = cells.assign(of_larger=cubes.typical_error(larger))
+        columns[f"mode {mode}" + (f", {plane}" if plane else "")] = cells.to_dict("records")
     rows = [
         {
             "case": str(cube["case"].values[i]),
