@@ -54,13 +54,7 @@ def cycle_color(index: int) -> str:
 
 
 def ordered_colors(count: int) -> list[str]:
-    """Return colours of ordered settings, of which a legend or an axis gives the order.
-
-    Examples
-    --------
-    >>> ordered_colors(3)
-    ['#414487', '#21918c', '#7ad151']
-    """
+    """Return colours of ordered settings, of which a legend or an axis gives the order."""
     shades = matplotlib.colormaps["viridis"](np.linspace(0.2, 0.8, count))
     return [to_hex(shade) for shade in shades]
 
