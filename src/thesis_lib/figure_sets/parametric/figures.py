@@ -98,15 +98,14 @@ def compare_frequencies(cube: xr.Dataset) -> dict[str, Any]:
     rectangle = plate.angular_frequencies(max(modes)) / (2 * np.pi)
     rows = [
         {
-            "mode": mode,
-            "frequency": float(one["frequency"]),
+            "one": one,
             "rectangle": rectangle[mode - 1],
             "peak": asked.structure.shape_peak(mode),
             "mean": _mean_deflection(one),
         }
         for mode, one in zip(modes, cubes.iterate_slices(cube, "mode"), strict=True)
     ]
-    return {"rows": rows, "markers": cube.sizes["point"]}
+    return {"rows": rows}
 
 
 def _mean_deflection(one: xr.Dataset) -> float:

@@ -224,16 +224,8 @@ def compare_sums(opened: Mapping[str, xr.Dataset]) -> str:
             opened[f"sound-{study}"]["predicted_error"].sel(mode=mode, plane=plane).values
             for study in ("distance", "aperture", "resolution", "arrays")
         ]
-        rows.append(
-            {
-                "mode": mode,
-                "plane": plane,
-                "sum_error": one["sum_error"],
-                "largest": one["sum_error_largest"],
-                "sharpest": one["predicted_error"][sharpest],
-                "errors": np.concatenate(every),
-            }
-        )
+        fields = {"sharpest": one["predicted_error"][sharpest], "errors": np.concatenate(every)}
+        rows.append({"one": one, **fields})
     return render(__file__, "sums", rows=rows, width=fine["width_px"].max())
 
 
@@ -309,9 +301,6 @@ def turn_summary(cube: xr.Dataset) -> dict[str, Any]:
     shape = cube["turned_deflection"] / cube["turned_deflection"].sel(turn=0) - 1
     return {
         "rows": rows,
-        "mode": mode,
-        "plane": plane,
-        "turn": BEST_DEG[0],
         "before": before.isel(at),
         "after": after.isel(at),
         "shape": 100 * np.abs(shape).max(),
