@@ -219,12 +219,6 @@ def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
     return rows
 
 
-def list_commands(cube: xr.Dataset) -> dict[str, Any]:
-    """List the command that runs chapter 3 under each interpretation."""
-    names = cube["reading"].values.tolist()
-    return {"commands": {name: format_command(READINGS[name]) for name in names}}
-
-
 def best_reading(cube: xr.Dataset) -> dict[str, Any]:
     """State whether an interpretation agrees better than the adopted one, beyond chance."""
     adopted, *others = rows = _interpretations(cube)
@@ -239,6 +233,8 @@ TEXTS = {
     "rules": lambda _: RULES,
     "differing": list_differing,
     "interpretations": lambda cube: {"rows": _interpretations(cube)},
-    "commands": list_commands,
+    "commands": lambda cube: {
+        "commands": {one: format_command(READINGS[one]) for one in cube["reading"].values.tolist()}
+    },
     "best": best_reading,
 }
