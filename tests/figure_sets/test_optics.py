@@ -114,6 +114,16 @@ def test_depth_error_is_that_of_triangulation(conforms, baseline, depth):
 # Projections and homogeneous coordinates.
 
 
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.1, 5), st.floats(1, 1000))
+def test_the_image_behind_the_hole_is_turned_round(conforms, x, y, z, f):
+    camera = beside(1.0, f)
+    before = project(camera.P, [x, y, z])[0] - np.array(SIZE) / 2
+    ray = np.array([x, y, z])  # through the hole at 0, to the wall at Z = −f
+    behind = ray * (-f / z)
+    conforms.invariance(behind[2], -f, rtol=1e-6)
+    conforms.invariance(behind[:2], -before, rtol=1e-9, atol=1e-9 * f)
+
+
 @given(st.floats(0, 6), st.floats(0.1, 1.5), st.floats(0.5, 3))
 def test_one_depth_for_all_is_wrong_by_the_ratio_of_depths(conforms, azimuth, elevation, distance):
     beam = setups.thesis_beam()
@@ -126,6 +136,13 @@ def test_one_depth_for_all_is_wrong_by_the_ratio_of_depths(conforms, azimuth, el
         for one in (project(camera.P, points), optics.weak_perspective(camera, points))
     )
     conforms.closed_form(flat, exact * depth / depth.mean(), atol=1e-9)
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4), st.floats(0.1, 10))
+def test_homogeneous_coordinates_go_there_and_back(conforms, point, factor):
+    triple = optics.append_one(point)
+    assert triple.shape == (len(point) + 1,)
+    conforms.invariance(optics.from_homogeneous(factor * triple), point, atol=1e-12)
 
 
 def test_lines_join_points_and_points_join_lines(conforms):
@@ -167,6 +184,15 @@ def test_a_mosaic_records_one_colour_per_pixel(pattern):
     picture = np.random.default_rng(3).random((6, 8, 3))
     mosaic = optics.bayer_mosaic(picture, pattern)
     np.testing.assert_array_equal(mosaic, picture[masks].reshape(6, 8))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_demosaicing_is_exact_where_colours_change_linearly(conforms, pattern):
+    row, column = np.indices((9, 12))[..., None]
+    picture = np.array([0.1, 0.2, 0.3]) + np.array([0.02, 0.01, -0.01]) * row + column * 0.03
+    found = optics.demosaic_image(optics.bayer_mosaic(picture, pattern), pattern)
+    conforms.closed_form(found[1:-1, 1:-1], picture[1:-1, 1:-1], rtol=1e-7)
+    assert np.abs(found - picture).max() > 0.005  # at the border it is not
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)

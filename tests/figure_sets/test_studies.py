@@ -137,6 +137,23 @@ def test_nominal_run_is_the_thesis_written_as_a_loop(conforms, name, s, focal_mm
     conforms.independent(float(cube["in_view"]), seen / (n * points * 3), atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["beam-arrays", "plate-distance"])
+def test_errors_follow_from_the_deflections(conforms, name):
+    cube = cube_of(name)
+    reference = cube["reference_deflection"]
+    scale = 100 / abs(reference).max("point")
+    error = abs(cube["measured_deflection"].astype(float) - reference) * scale
+    mean = np.sqrt((error**2).mean("point")).transpose("setting", "mode", "trial")
+    largest = error.max("point").transpose("setting", "mode", "trial")
+    literal = error.isel(trial=0).transpose("setting", "mode", "point")
+    conforms.independent(cube["mean_error"], mean, rtol=1e-5)
+    conforms.independent(cube["max_point_error"], largest, rtol=1e-5)
+    conforms.independent(cube["point_error"], literal, atol=1e-4)
+    assert (cube["mean_error"] <= cube["max_point_error"]).all()
+    assert (cube["mac"] <= 1 + 1e-12).all()
+    assert (cube["mac"] >= 0).all()
+
+
 @pytest.mark.parametrize("known", [False, True])
 def test_analytic_centre_takes_the_slabs_that_a_shifted_grid_leaves(conforms, known):
     study = validate_request("beam-aperture", {})
