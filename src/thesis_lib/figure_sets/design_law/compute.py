@@ -340,11 +340,18 @@ def summarise_noisy(cube: xr.Dataset) -> dict[str, Any]:
     """List that table for about half as many numbers of cameras, and state what noise leaves."""
     errors, least = 1e6 * cube["noisy_share_error"], 1e6 * cube["least_share_error"]
     squares, centre, interval = (errors.sel(approach=name) for name in errors["approach"].values)
+    few, many = int(cube["count"].min()), int(cube["count"].max())
+    some = {"count": many, "image_noise": SHOWN_NOISES_PX[1]}
     loud = {"image_noise": cube["image_noise"].values >= SHOWN_NOISES_PX[-1]}
     stds = cube["noisy_share_error_std"] / cube["noisy_share_error"]
     below = (least / interval - 1) / stds.sel(approach=interval["approach"].item())
     return list_noisy(cube) | {
         "counts": _double_counts(cube),
+        "interval": interval.sel(some),
+        "centre": centre.sel(some),
+        "squares": squares.sel(some),
+        "least": least.sel(some),
+        "sharp": interval.sel(some | {"count": few}),
         "tolerated": cube["equal_pixels_tolerated_noise"].sel(approach="interval").dropna("count"),
         "level": (squares.max("count") / squares.min("count")).isel(loud).max() - 1,
         "known": stds.isel(loud).max(),
