@@ -210,20 +210,26 @@ def _importance(entry: ledger.Entry) -> tuple[bool, int, bool, int, float]:
 
 def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
     """Return the agreement under each interpretation, the adopted one first."""
-    rows = []
-    for part in iterate_slices(cube, "reading"):
-        gained, lost = int(part["gained"]), int(part["lost"])
-        # Of the sign test: so few or fewer of the rarer kind, on both sides
-        chance = min(1.0, 2 * scipy.special.bdtr(min(gained, lost), gained + lost, 0.5))
-        rows.append({"part": part, "met": part["reading_inside"].values, "chance": chance})
-    return rows
+    return [
+        {
+            "name": part["reading"].item(),
+            "met": part["reading_inside"].values,
+            "claims": part["reading_claims"].sum("outcome").values,
+            "gained": (gained := int(part["gained"])),
+            "lost": (lost := int(part["lost"])),
+            # Of the sign test: so few or fewer of the rarer kind, on both sides
+            "chance": min(1.0, 2 * scipy.special.bdtr(min(gained, lost), gained + lost, 0.5)),
+            "log_residual": part["log_residual"].values,
+        }
+        for part in iterate_slices(cube, "reading")
+    ]
 
 
 def best_reading(cube: xr.Dataset) -> dict[str, Any]:
     """State whether an interpretation agrees better than the adopted one, beyond chance."""
     adopted, *others = rows = _interpretations(cube)
     ahead = [row for row in others if row["met"].sum() > adopted["met"].sum()]
-    better = [row["part"]["reading"].item() for row in ahead if row["chance"] < 0.05]
+    better = [row["name"] for row in ahead if row["chance"] < 0.05]
     best = rows[int(np.argmax([row["met"].sum() for row in rows]))]
     return {"adopted": adopted, "best": best, "better": better}
 

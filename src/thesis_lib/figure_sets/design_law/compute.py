@@ -317,6 +317,10 @@ def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
         counts = sorted({ordered[0], ordered[len(counts) // 2], ordered[-1], *filter(None, most)})
     return {
         "counts": counts,
+        "few": int(cube["count"].min()),
+        "many": int(cube["count"].max()),
+        "slow": float(cube["rate"].min()),
+        "fast": float(cube["rate"].max()),
         "most": most[int(np.argmin(cube["rate"].values))],
         "std": largest_std(cube, "drawn_frame_error", "drawn_fit_error"),
         **_OF_MARKERS,
@@ -347,6 +351,10 @@ def summarise_noisy(cube: xr.Dataset) -> dict[str, Any]:
     below = (least / interval - 1) / stds.sel(approach=interval["approach"].item())
     return list_noisy(cube) | {
         "counts": _double_counts(cube),
+        "few": few,
+        "many": many,
+        "noise": SHOWN_NOISES_PX[1],
+        "loud": SHOWN_NOISES_PX[-1],
         "interval": interval.sel(some),
         "centre": centre.sel(some),
         "squares": squares.sel(some),
@@ -370,11 +378,14 @@ def list_mistakes(cube: xr.Dataset) -> dict[str, Any]:
         for count in doubled[1::2] if len(doubled) > 1 else doubled:
             at = cube.sel(mistake=mistake, count=count)
             right = at["noisy_share_error"].sel(approach=names[-1], image_noise=noise)
-            rows.append({"at": at, "right": right})
+            errors, stds = at["mistaken_error"], at["mistaken_error_std"]
+            row = {"mistake": mistake, "count": count, "right": right, "errors": errors}
+            rows.append(row | {"stds": stds, "agreeing": at["feasible_fraction"]})
     (low, (noise, less, _)), (high, (_, more, _)), (spoilt, _) = shares.ASSUMED_MISTAKES.items()
     over = (interval / squares).sel(mistake=low)
     worst = {"worse": over.max() - 1, "count": int(over.idxmax("count"))}
     return {
+        "names": names,
         "rows": rows,
         "outlier_px": shares.OUTLIER_PX,
         "low": {"told": less, "noise": noise, **worst},
