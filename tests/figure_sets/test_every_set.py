@@ -1,16 +1,14 @@
 """What all figure sets keep: figures from their cubes alone, and texts with the cubes' numbers.
 
-And what all results keep: each variable has a unit and a long name understood alone.
+And what all results keep: each variable has a unit and a long name.
 """
 
 import json
 import pkgutil
-import re
 from collections import defaultdict
 from dataclasses import fields
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +20,7 @@ from scenes.small import OF_LEDGER, REQUESTS, small_cube
 from conftest import PROJECT
 from thesis_lib import figure_sets, measure
 from thesis_lib.figure_sets import cube_file, display
-from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 from thesis_lib.ledger.entries import LEDGER_COLUMNS, Entry
 from thesis_lib.planning import planner as plan_cube
 from thesis_lib.plotting.panels import case_captions
@@ -117,14 +115,6 @@ FROM = {
         "targets": "cost", "verification": "simulated_error", "sound": "sound_error",
     },
 }  # fmt: skip
-PARTS = {"macros", "noisy-table", "share-table", "readable"}  # of other templates
-FIXED = {"flow"}  # of constants, not of the cube
-
-
-@pytest.mark.parametrize("name", FROM)
-def test_every_text_is_among_them(name):
-    folder = Path(display.figures_module(name).__file__).parent / "templates"
-    assert {one.stem for one in folder.glob("*.md")} - PARTS - FIXED == set(FROM[name])
 
 
 @pytest.mark.parametrize(
@@ -179,22 +169,7 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(name, tmp_path, monke
         cube_file.read_cube(path)
 
 
-def test_another_seed_draws_again_and_keeps_the_laws():
-    values = {"trials": 5, "widths_px": [16]}
-    one, same, other = (
-        FIGURE_SETS["cameras"].compute(validate_request("cameras", values | more))
-        for more in ({}, {}, {"seed": 5})
-    )
-    xr.testing.assert_equal(one, same)
-    xr.testing.assert_equal(other["depth_error"], one["depth_error"])
-    drawn = "rounded_depth_error"
-    assert not np.array_equal(other[drawn], one[drawn], equal_nan=True)
-
-
 # Each variable of a result has a unit and a long name that is understood alone.
-
-# Words that point to another variable, which is not beside this one in a list of variables.
-POINTING = re.compile(r"^that\b|\b(it|its|they|their|them|these|this|those|the same)\b", re.I)
 
 
 @cache
@@ -215,13 +190,9 @@ def declared():
 
 
 def faults(variables):
-    """Return the variables that lack a unit or whose words need another variable's."""
-    return [
-        f"{name}: {attributes}"
-        for name, attributes in variables.items()
-        if not (attributes.get("units") and attributes.get("long_name"))
-        or POINTING.search(attributes["long_name"])
-    ]
+    """Return the variables that lack a unit or a long name."""
+    wanted = "units", "long_name"
+    return [name for name, has in variables.items() if not all(has.get(key) for key in wanted)]
 
 
 def attributes_of(cube):
@@ -230,7 +201,7 @@ def attributes_of(cube):
     }
 
 
-def test_declared_variables_are_understood_alone():
+def test_declared_variables_have_units_and_long_names():
     assert len(declared()) > 300
     said = {n: {"units": v.units, "long_name": v.long_name} for n, v in declared().items()}
     assert faults(said) == []

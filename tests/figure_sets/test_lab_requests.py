@@ -61,7 +61,7 @@ REFUSED = [  # a row of each kind
     (LAW, {"frame_rates_hz": [60, 50_000]},
      ["frame_rates_hz: given ", "a sensor 16 to 20000 px wide"]),
     (LAW, {"frequency_hz": 24.1},
-     ["frequency_hz: given ", "1 Hz, one over the duration, to 24 Hz"]),
+     ["frequency_hz: given ", "1 to 24 Hz, from one over the duration"]),
 ]  # fmt: skip
 
 

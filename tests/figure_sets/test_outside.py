@@ -93,7 +93,7 @@ def test_a_failing_cell_is_counted_as_in_the_notebook(footprint, tmp_path):
     done = thesis("run", footprint, "--out", tmp_path / "out")
     assert done.status == 1
     assert "footprint: cell 4 failed with AttributeError" in done.err
-    assert "figures.py has no function lines (did you mean line?)" in done.err
+    assert "has no attribute 'lines'" in done.err
 
 
 def test_it_is_refused_as_others_are(footprint, tmp_path):

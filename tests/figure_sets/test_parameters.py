@@ -1,22 +1,22 @@
 """Parameters: what is refused and how, what stands for a request, what the notebooks say."""
 
-import ast
 import math
 import typing
 from pathlib import Path
 
 import nbformat
-import papermill
 import pytest
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
 from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
+from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook.new_set import parameter_cell
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.fields import unit_of_field
 from thesis_lib.studies.request import describe_parameters
+from thesis_lib.web.html import read_asset
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 # Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
@@ -178,18 +178,11 @@ def test_parameter_cells_are_written_from_the_declared_parameters(name):
     assert cell.source == parameter_cell(STUDIES[name]), f"run `thesis cells {name}`"
 
 
-@pytest.mark.parametrize("name", STUDIES)
-def test_papermill_reads_defaults_types_and_units_from_the_cell(name):
-    told = papermill.inspect_notebook(str(NOTEBOOKS / f"{name}.ipynb"))
-    values = {field: ast.literal_eval(row["default"]) for field, row in told.items()}
-    assert set(values) == set(STUDIES[name].model_fields)
-    assert validate_request(name, values) == STUDIES[name]()
-    for field, row in told.items():
-        number = isinstance(values[field], int) and row["inferred_type_name"] == "float"
-        assert number or type(values[field]).__name__ == row["inferred_type_name"], field
-        unit = unit_of_field(field).replace("°", "degrees")
-        assert not unit or row["help"].startswith(f"{unit}, "), field
-        assert len(row["help"]) > 5, field
+@pytest.mark.parametrize("name", COMPUTED_SETS)
+def test_pages_compute_with_every_parameter_but_those_of_draws(name):
+    script = read_asset("recompute.js")
+    of_draws = "trials", "seed", "cube"
+    assert all(field in script for field in STUDIES[name].model_fields if field not in of_draws)
 
 
 def kinds(annotation):

@@ -291,17 +291,22 @@ def other_parameters():
     return with_provenance(cube_of("beam-distance"), request_of("beam-distance", seed=1), 0.0)
 
 
+OUTDATED = "is outdated: the library or its parameters were others"
+
+
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
         (lambda path: path.unlink(), "is missing"),
         (lambda path: path.write_bytes(b""), "is not readable"),
-        (lambda path: write(cube_of("beam-aperture"), path), "is of beam-aperture"),
-        (lambda path: write(cube_of("beam-distance").assign_attrs(library_sha256="0" * 64), path),
-         "is outdated, the library has changed since"),
-        (lambda path: write(other_parameters(), path), "was run with other parameters"),
+        (lambda path: write(cube_of("beam-aperture"), path), OUTDATED),
+        (
+            lambda path: write(cube_of("beam-distance").assign_attrs(library_sha256=""), path),
+            OUTDATED,
+        ),
+        (lambda path: write(other_parameters(), path), OUTDATED),
     ],
-)  # fmt: skip
+)
 def test_any_other_file_is_refused_in_one_line(tmp_path, damage, words):
     request, path = request_of("beam-distance"), tmp_path / "beam-distance.nc"
     write(cube_of("beam-distance"), path)

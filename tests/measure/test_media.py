@@ -150,6 +150,15 @@ def test_stereo_sound_is_mixed_and_starts_when_it_starts(conforms, tmp_path):
 # Broken files.
 
 
+def test_padding_of_aac_is_dropped(conforms, tmp_path):
+    tone = 0.5 * np.sin(2 * np.pi * 40 * np.arange(RATE // 2) / RATE)
+    stereo = [np.stack([tone, tone])]
+    path = foreign(tmp_path / "A.mp4", blurred(), "yuv420p", stereo, pictures="libx264")
+    mono, _, start = read_audio(path)
+    conforms.closed_form(abs(start), below=1e-3)
+    conforms.closed_form(mono[2000:20000], tone[2000:20000], atol=0.02)
+
+
 def refused(call, *words):
     message = line_of(MediaError, call)
     assert [word for word in words if word not in message] == []

@@ -83,10 +83,11 @@ def code_digest(figure_set: FigureSet) -> str:
     return hashlib.sha256(f"{own} {storage.package_versions()}".encode()).hexdigest()
 
 
-def request_key(asked: Study) -> str:
+def request_key(asked: Any) -> str:
     """Return the digest of all that determines the cube of a request, others' included."""
     figure_set = registry.FIGURE_SETS[asked.name]
-    needed = [*map(request_key, figure_set.reads()), files.digest_of(figure_set.stored(asked))]
+    stored = [asked.recordings.stored_path] if figure_set.rendered else []
+    needed = [*map(request_key, figure_set.reads()), files.digest_of(stored)]
     text = json.dumps([asked.name, asked.digest, code_digest(figure_set), *needed])
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -100,23 +101,12 @@ def read_cube(path: Path) -> xr.Dataset:
         In one line: the file, and what is wrong with it.
     """
     cube = rename_variables(storage.open_netcdf(path))
-    listed = cubes.list_dimension(cube)
-    needed = set(cubes.LISTED_VARIABLES[listed] if listed else cubes.ROW_KEYS)
-    errors = {variable for variable, _ in cubes.ERROR_VARIABLES.values()} & set(cube.data_vars)
-    lacks = {"figure_set", "parameters", "parameters_hash"} - set(cube.attrs)
-    lacks |= needed - set(map(str, cube.variables))
-    if not (listed or errors):
-        lacks.add("errors")
-    if lacks:
-        raise _refusal(path, f"it lacks {', '.join(sorted(lacks))}")
-    request = _request(cube, path)
     try:
-        found = _list_problems(cube, listed) if listed else _problems(cube, request, errors)
-        problem = next(found, "")
+        problem = next(_problems(cube), "")
     except (TypeError, ValueError, IndexError, KeyError, OverflowError) as error:
         problem = f"its values are of another kind: {one_line(str(error))}"
     if problem:
-        raise _refusal(path, problem)
+        raise cubes.CubeError(f"{path}: not a cube of this project ({problem})")
     return cube
 
 
@@ -141,85 +131,62 @@ def read_usable(path: Path, study: Study) -> xr.Dataset | str:
         cube = read_cube(path)
     except cubes.CubeError:
         state = "is not readable" if path.exists() else "is missing"
-        return f"cube {path.name} {state}: run `thesis book`"
-    if cube.attrs["figure_set"] != study.name:
-        return f"cube {path.name} is of {cube.attrs['figure_set']}: run `thesis book`"
-    if cube.attrs.get("parameters_hash") != study.digest:
-        return f"cube {path.name} was run with other parameters: run `thesis book`"
-    if cube.attrs.get("library_sha256") != code_digest(registry.FIGURE_SETS[study.name]):
-        return f"cube {path.name} is outdated, the library has changed since: run `thesis book`"
-    return cube
+    else:
+        of = (cube.attrs.get(key) for key in ("figure_set", "parameters_hash", "library_sha256"))
+        if tuple(of) == (study.name, study.digest, code_digest(registry.FIGURE_SETS[study.name])):
+            return cube
+        state = "is outdated: the library or its parameters were others"
+    return f"cube {path.name} {state}: run `thesis book`"
 
 
-def _refusal(path: Path, problem: str) -> cubes.CubeError:
-    return cubes.CubeError(f"{path}: not a cube of this project ({problem})")
-
-
-def _request(cube: xr.Dataset, path: Path) -> Study:
-    """Return the request that a cube was computed for."""
+def _problems(cube: xr.Dataset) -> Iterator[str]:
+    """Yield the faults of a cube, one after another; what comes after one may fail."""
+    listed, present = cubes.list_dimension(cube), set(map(str, cube.variables))
+    errors = sorted({name for name, _ in cubes.ERROR_VARIABLES.values()} & present)
+    dims = {name: (listed,) for name in cubes.LISTED_VARIABLES.get(listed, ())}
+    if not listed:
+        dims = dict.fromkeys(cubes.SETTING_KEYS, ("setting",)) | {"mode": ("mode",)}
+    lacks = {"figure_set", "parameters", "parameters_hash"} - set(cube.attrs)
+    lacks |= {*dims, *(() if listed or errors else ["errors"])} - present
+    if lacks:
+        yield f"it lacks {', '.join(sorted(lacks))}"
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
     if not registry.is_known(name):
-        trusted = (
-            f"if you trust its code, name its folder: {registry.SETS_VARIABLE}=FOLDER thesis …"
-        )
-        raise _refusal(path, f"its figure set {one_line(name)} is not known; {trusted}")
+        trusted = f"name its folder: {registry.SETS_VARIABLE}=FOLDER thesis …"
+        yield f"its figure set {one_line(name)} is not known; if you trust its code, {trusted}"
     try:
         values = json.loads(given)
         request = registry.validate_request(name, values)
-        text = json.dumps([name, values])
+        key = hashlib.sha256(json.dumps([name, values]).encode()).hexdigest()[:10]
     except (ParameterError, ValueError, AttributeError, RecursionError) as error:
         why = str(error) if isinstance(error, ParameterError) else one_line(given)
-        raise _refusal(path, f"its parameters are none: {why}") from None
-    if hashlib.sha256(text.encode()).hexdigest()[:10] != str(cube.attrs["parameters_hash"]):
-        raise _refusal(path, "its parameters are not those of its parameters_hash")
-    return request
-
-
-def _problems(cube: xr.Dataset, request: Study, errors: set[str]) -> Iterator[str]:
-    """Yield the faults of a cube of errors, one after another."""
-    for dim in ("setting", "mode", "trial"):
-        if not cube.sizes.get(dim):
-            yield f"it has no {dim}"
-    for name in cubes.ROW_KEYS:
-        if cube[name].dims != (("mode" if name == "mode" else "setting"),):
-            yield f"its {name} is not along its dimension"
-    found = list(zip(*(cube[name].values.tolist() for name in cubes.SETTING_KEYS), strict=True))
+        yield f"its parameters are none: {why}"
+    if key != str(cube.attrs["parameters_hash"]):
+        yield "its parameters are not those of its parameters_hash"
+    for variable, along in dims.items():
+        if cube[variable].dims != along or not cube[variable].size:
+            yield f"its {variable} is not along {along[0]}, or empty"
+    rows = [cube[variable].values.tolist() for variable in dims if dims[variable] != ("mode",)]
+    found = rows[0] if listed else list(zip(*rows, strict=True))
+    modes = cube["mode"].values.tolist() if not listed else []
+    if any(len(set(values)) < len(values) for values in (found, modes)):
+        yield f"it has a {listed or 'setting or mode'} twice"
+    if "value" in dims and cube["value"].dtype.kind not in "fiu":
+        yield "its value is no number"
+    if listed:
+        return
     asked = [(s.case, float(s.value), s.label, s.pair_order) for s in request.settings()]
-    yield from _not_asked("setting", found, asked)
-    modes = cube["mode"].values.tolist()
-    yield from _not_asked("mode", modes, getattr(request, "modes", modes))
+    if other := [row for row in found if row not in asked]:
+        yield f"its setting {one_line(repr(other[0]))} is none of its parameters"
+    if cube["mode"].dtype.kind not in "iu" or set(modes) - set(getattr(request, "modes", modes)):
+        yield f"its modes {one_line(repr(modes))} are none of its parameters"
+    for variable in errors:
+        values, known = cube[variable], {"setting", "mode", "trial"}
+        if set(values.dims) - {"plane"} != known or values.dtype.kind != "f" or not values.size:
+            yield f"its {variable} is not a number for each setting, mode and trial"
+    cubes.cube_errors(cube)  # which fails without a plane that it needs
     if cube.sizes["trial"] > request.trials + 1:
         yield f"it has {cube.sizes['trial']} trials, of {request.trials + 1} asked for"
-    for name in errors:
-        dims = {"setting", "mode", "trial"} | ({"plane"} & set(cube[name].dims))
-        if set(cube[name].dims) != dims or cube[name].dtype.kind != "f":
-            yield f"its {name} is not a number for each setting, mode and trial"
-    if "plane" in cube.dims and set(cube["plane"].values.tolist()) != {"XZ", "YZ"}:
-        yield "its planes are not XZ and YZ"
-    if registry.FIGURE_SETS[request.name].in_pieces and "point" in cube.dims:
-        for axis, own in zip(("x", "y"), request.structure.markers, strict=True):
-            given = cube[axis].values if axis in cube else np.array([])
-            shaped = given.shape == own.shape and given.dtype.kind == "f"
-            if not shaped or not np.all(np.abs(given - own) < 1e-9):  # m
-                yield "its points are not the markers of its structure"
-
-
-def _not_asked(what: str, found: list[Any], asked: list[Any]) -> Iterator[str]:
-    """Yield variables and coordinates of a cube that are doubled or not part of its request."""
-    if len(set(found)) < len(found):
-        yield f"it has a {what} twice"
-    other = [one for one in found if one not in asked]
-    if other or any(type(one) is float for one in found if what == "mode"):
-        yield f"its {what} {one_line(repr((other or found)[0]))} is none of its parameters"
-
-
-def _list_problems(cube: xr.Dataset, first: str) -> Iterator[str]:
-    """List problems of a cube of results by name: each once, and all of one length."""
-    needed = sorted(cubes.LISTED_VARIABLES[first])
-    for name in needed:
-        if cube[name].dims != (first,):
-            yield f"its {name} is not along {first}"
-    if len(set(cube[first].values.tolist())) < cube.sizes[first]:
-        yield f"it has a {first} twice"
-    if "value" in needed and cube["value"].dtype.kind not in "fiu":
-        yield "its value is no number"
+    marked = registry.FIGURE_SETS[name].in_pieces and "point" in cube.dims
+    if marked and not np.allclose([cube["x"], cube["y"]], request.structure.markers, 0, 1e-9):  # m
+        yield "its points are not the markers of its structure"

@@ -17,7 +17,6 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.style import figure_svg, in_style
 from thesis_lib.studies.cubes import iterate_slices, trials_are
-from thesis_lib.studies.fields import suggest_name
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import describe_study
 from thesis_lib.templates import render
@@ -44,11 +43,7 @@ def draw_picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
     """
     of = str(cube.attrs["figure_set"])
     with in_style(picture_style(of)):
-        figures = figures_module(of)
-        if not hasattr(figures, name):
-            hint = suggest_name(name, vars(figures))
-            raise AttributeError(f"{figures.__file__} has no function {name}{hint}")
-        return getattr(figures, name)(cube, *which)
+        return getattr(figures_module(of), name)(cube, *which)
 
 
 def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:

@@ -29,19 +29,16 @@ TITLES = {
 """What the names of chapters stand for, in their order."""
 
 
-def find_sets() -> dict[str, FigureSet]:
-    """Return the figure sets of all folders by name, in the order of the chapters."""
-    folders = sorted(path.parent.name for path in Path(__file__).parent.glob("*/figure_set.py"))
-    every = [
-        one
-        for folder in folders
-        for one in import_module(f"{__package__}.{folder}.figure_set").FIGURE_SETS
-    ]
-    order = [*TITLES, ""]
-    return {one.request.name: one for one in sorted(every, key=lambda s: order.index(s.chapter))}
-
-
-FIGURE_SETS = find_sets()
+_FOLDERS = sorted(path.parent.name for path in Path(__file__).parent.glob("*/figure_set.py"))
+_EVERY: list[FigureSet] = [
+    one
+    for folder in _FOLDERS
+    for one in import_module(f"{__package__}.{folder}.figure_set").FIGURE_SETS
+]
+FIGURE_SETS = {
+    one.request.name: one for one in sorted(_EVERY, key=lambda s: [*TITLES, ""].index(s.chapter))
+}
+"""Figure sets of all folders by name, in the order of the chapters."""
 STUDIES: dict[str, type[Study]] = {name: one.request for name, one in FIGURE_SETS.items()}
 CHAPTER_SETS = {
     chapter: [name for name, one in FIGURE_SETS.items() if one.chapter == chapter]

@@ -164,8 +164,6 @@ def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
                 continue
             listed = {"title", "description", "default", "allowed"}  # keys that a row holds itself
             plain = {key: of for key, of in schema[row["name"]].items() if key not in listed}
-            if plain.get("items") == {"type": "string"}:  # names that only the command knows
-                plain["items"] = {"type": "string", "enum": row["default"]}
             field = {
                 **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
                 "schema": plain,

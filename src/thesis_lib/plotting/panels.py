@@ -23,6 +23,9 @@ from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes, schema
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
+_BEAM_GRID = {
+    "left": 0.079, "right": 0.98, "bottom": 0.093, "top": 0.944, "wspace": 0.21, "hspace": 0.39
+}  # fmt: skip
 FAR_APART = 20.0
 """Where the greatest error is more times the least than this, their axis is logarithmic."""
 
@@ -131,8 +134,8 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
         _draw(axes, np.array([0 * far, far]), **look)
         _write(axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=red)
     elif varied == "aperture_deg":  # that of the widest setting
-        widest = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))
-        arc = _aperture_arc(*widest[:2])
+        spans = [np.linalg.norm(c[0] - c[1]) for c in cameras]
+        arc = 0.45 * radius * _aperture_arc(part.isel(setting=int(np.argmax(spans))))
         _draw(axes, arc, **look)
         _write(axes, 1.12 * arc[20], "α", color=red)
     else:
@@ -146,23 +149,14 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     axes.axis("off")
 
 
-def _aperture_arc(first: Array, second: Array) -> Array:
-    """Return an arc (41, 3) between the directions to two cameras, within their distance."""
-    radius = float(np.linalg.norm(first))
-    apart = np.linalg.norm((first + second)[:2]) > 1e-6 * radius
-    if abs(first[2] - second[2]) < 1e-9 and apart:
-        # α is the difference of the azimuths: an arc at the cameras' elevation
-        start, stop = np.unwrap([np.arctan2(c[0], c[1]) for c in (first, second)]).tolist()
-        up = float(np.arcsin(first[2] / radius))
-        turn = hemisphere_directions(np.linspace(start, stop, 41), np.full(41, up))
-        return np.asarray(0.45 * radius * turn)
-    middle = first + second + [0, 0, 1e-9]
-    angle = np.arccos(np.clip(first @ second / radius**2, -1, 1)) / 2
-    middle /= np.linalg.norm(middle)
-    aside = first / radius - np.cos(angle) * middle
-    aside /= np.linalg.norm(aside)
-    turn = np.linspace(-angle, angle, 41)[:, None]
-    return np.asarray(0.45 * radius * (np.cos(turn) * middle + np.sin(turn) * aside))
+def _aperture_arc(pair: xr.Dataset) -> Array:
+    """Return directions (41, 3) from one camera to the other, over the top if they are opposite."""
+    (start, stop), (low, high) = (
+        np.radians(pair[f"camera_{angle}"].values[:2]) for angle in ("azimuth", "elevation")
+    )
+    if np.cos(start - stop) < -1 + 1e-9:
+        stop, high = start, np.pi - high
+    return hemisphere_directions(np.linspace(start, stop, 41), np.linspace(low, high, 41))
 
 
 def camera_centres(setting: xr.Dataset) -> Array:
@@ -190,7 +184,7 @@ def _write(axes: Axes, place: Array, text: str, **look: Any) -> None:
 def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setups, deflection shapes, marker errors and bars of a beam."""
     part = selection.select_settings(cube, case, mode)
-    drawing, axes = style.place_panels("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
+    drawing, axes = style.make_mosaic("ab;cd", (7.6, 5.4), None, gridspec_kw=_BEAM_GRID)
     setup_panel(axes["a"], cube, part)
     x, reference = part["x"].values * 1000, part["reference_deflection"] * 1000
     axes["b"].plot(x, reference, color=style.REFERENCE_COLOR, lw=3, label="reference")

@@ -8,7 +8,6 @@ import json
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -225,30 +224,21 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
         rows = np.unique(cube["y"].values)
         cube = cube.isel(point=np.flatnonzero(cube["y"].values == rows[len(rows) // 2]))
     length, width = schema.structure_extent(cube)
-    cases = dict(zip(cube["case"].values.tolist(), cube["case_title"].values, strict=True))
-    modes = cube["mode"].values.tolist()
     size: dict[str, Any] = {"length_mm": round(1e3 * length, 3), "width_mm": round(1e3 * width, 3)}
     if structure == "panel":
         cube = _in_cells(cube)
         size["contours_mm"] = [_round_digits(1000 * c) for c in schema.structure_contours(cube)]
-    varied = said["varied"]
+    varied, hertz = said["varied"], cube["frequency"].values.tolist()
+    modes = zip(cube["mode"].values.tolist(), hertz, strict=True)
     data: dict[str, Any] = {
         "structure": {"kind": kind, **size},
         "parameter": {"name": varied, "label": said["varied_label"], "unit": unit_of_field(varied)},
-        "modes": [
-            {"mode": mode, "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3)}
-            for mode in modes
-        ],
+        "modes": [{"mode": mode, "frequency_hz": round(hertz, 3)} for mode, hertz in modes],
         "words": {"draws": said["draws"], "predicts": said["predicts"]},
         "colors": list(CYCLE_COLORS),
         "cases": [
-            {
-                "name": case,
-                "title": str(title) or "own layout",
-                "figures": _figures(cube, case),
-                "settings": _settings(cube, case, modes, _planes if kind == "sound" else _shape),
-            }
-            for case, title in cases.items()
+            _describe_case(cube, case, _planes if kind == "sound" else _shape)
+            for case in list_cases(cube)
         ],
     }
     (_add_fields if kind == "sound" else _add_shapes)(data, cube)
@@ -272,37 +262,36 @@ def _in_cells(cube: xr.Dataset) -> xr.Dataset:
     return rest.assign(wide).assign_coords(x=("point", columns), y=("point", rows))
 
 
-def _figures(cube: xr.Dataset, case: str) -> dict[str, str]:
-    """Return the numbers of the thesis's figures of a case by mode; empty for other parameters."""
-    row = cube["case"].values.tolist().index(case)
-    numbers = cube["thesis_figure"].values[row] if cube.attrs["in_the_thesis"] else []
-    modes = map(str, cube["mode"].values.tolist())
-    return dict(zip_longest(modes, map(str, numbers), fillvalue=""))
-
-
-def _settings(
-    cube: xr.Dataset, case: str, modes: list[int], result: Callable[..., dict[str, Any]]
-) -> list[dict[str, Any]]:
-    parts = {mode: select_settings(cube, case, mode) for mode in modes}
+def _describe_case(
+    cube: xr.Dataset, case: str, result: Callable[..., dict[str, Any]]
+) -> dict[str, Any]:
+    """Return a case with numbers of the thesis's figures, empty for other parameters."""
+    parts = {mode: select_settings(cube, case, mode) for mode in cube["mode"].values.tolist()}
     names = list(cubes.cube_errors(cube))
-    bars = {mode: {name: error_bars(cube, case, mode, name) for name in names} for mode in modes}
-    settings = []
-    for index in range(parts[modes[0]].sizes["setting"]):
-        one = parts[modes[0]].isel(setting=index)
-        table = np.stack([one[f"camera_{a}"] for a in ("distance", "azimuth", "elevation")], 1)
-        settings.append(
+    bars = {mode: {name: error_bars(cube, case, mode, name) for name in names} for mode in parts}
+    first, shown = next(iter(parts.values())), cube.attrs["in_the_thesis"]
+    places = np.stack([first[f"camera_{a}"] for a in ("distance", "azimuth", "elevation")], -1)
+    return {
+        "name": case,
+        "title": str(first["case_title"].values[0]) or "own layout",
+        "figures": {
+            str(mode): str(part["thesis_figure"].values[0]) if shown else ""
+            for mode, part in parts.items()
+        },
+        "settings": [
             {
                 "label": str(one["label"].values),
                 "value": float(one["value"]),
-                "cameras": np.round(table[: int(one["n_cameras"])] * [1000, 1, 1], 6).tolist(),
+                "cameras": np.round(place[: int(one["n_cameras"])] * [1000, 1, 1], 6).tolist(),
                 "resolution": [int(one["width_px"]), int(one["height_px"])],
                 "in_view": float(one["in_view"]),
-                "modes": [
-                    result(parts[mode].isel(setting=index), bars[mode], index) for mode in modes
-                ],
+                "modes": [result(parts[m].isel(setting=i), bars[m], i) for m in parts],
             }
-        )
-    return settings
+            for i, (one, place) in enumerate(
+                zip(cubes.iterate_slices(first, "setting"), places, strict=True)
+            )
+        ],
+    }
 
 
 def _bar(bars: Bars, index: int) -> dict[str, Any]:

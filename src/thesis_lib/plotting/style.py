@@ -27,8 +27,6 @@ from thesis_lib.arrays import Array, ArrayLike
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom in fractions of the figure
 
-BELOW_PANEL = "below"
-"""Prefix of the name of a panel that belongs to the one above it, also on a phone."""
 MARGIN_PT = 3.0
 MAX_SCALE_WIDTH = 0.13  # fraction of the figure's width: what is narrower is a colour scale
 
@@ -56,13 +54,7 @@ def cycle_color(index: int) -> str:
 
 
 def ordered_colors(count: int) -> list[str]:
-    """Return colours of ordered settings, of which a legend or an axis gives the order.
-
-    Examples
-    --------
-    >>> ordered_colors(3)
-    ['#414487', '#21918c', '#7ad151']
-    """
+    """Return colours of ordered settings, of which a legend or an axis gives the order."""
     shades = matplotlib.colormaps["viridis"](np.linspace(0.2, 0.8, count))
     return [to_hex(shade) for shade in shades]
 
@@ -105,40 +97,16 @@ def subplots(
     return figure, panels
 
 
-def make_mosaic(names: Any, figsize: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
-    """Return a figure and its panels by name like ``pyplot.subplot_mosaic``."""
-    figure = Figure(figsize=figsize, layout="constrained")
-    return figure, figure.subplot_mosaic(names, **how)
-
-
-def place_panels(
-    names: str,
-    size: tuple[float, float],
-    edges: tuple[float, float, float, float],
-    gaps: tuple[float, float],
-    heights: Sequence[float] | None = None,
+def make_mosaic(
+    names: Any, figsize: Any, layout: Any = "constrained", **how: Any
 ) -> tuple[Figure, dict[str, Any]]:
-    """Return a figure and its panels by name, in places that do not depend on their content.
+    """Return a figure and its panels by name like ``pyplot.subplot_mosaic``.
 
-    So figures of one kind are alike; and to look for room, as layout engines do, takes as long as
-    to draw. The names are as ``pyplot.subplot_mosaic`` takes them. In inches are the figure's width
-    and height (`size`), the room at the left, right, bottom and top (`edges`), and that between
-    columns and between rows (`gaps`). The `heights` of the rows are relative to each other.
+    Without a layout engine, which takes as long as to draw, they stand where ``gridspec_kw`` says,
+    whatever they hold: figures of one kind are alike.
     """
-    (width, height), (left, right, bottom, top) = size, edges
-    rows = names.split(";")
-    across = (width - left - right - gaps[0] * (len(rows[0]) - 1)) / len(rows[0])
-    up = (height - bottom - top - gaps[1] * (len(rows) - 1)) / len(rows)
-    grid = {
-        "left": left / width,
-        "right": 1 - right / width,
-        "bottom": bottom / height,
-        "top": 1 - top / height,
-        "wspace": gaps[0] / across,
-        "hspace": gaps[1] / up,
-    }
-    figure = Figure(figsize=size)
-    return figure, figure.subplot_mosaic(names, gridspec_kw=grid, height_ratios=heights)
+    figure = Figure(figsize=figsize, layout=layout)
+    return figure, figure.subplot_mosaic(names, **how)
 
 
 def bar_beside(panel: Axes, picture: Any, label: str) -> None:
@@ -191,32 +159,20 @@ def find_panels(figure: Figure) -> str:
             figure.transFigure.inverted()
         )
         box = (max(extent.x0, 0), max(1 - extent.y1, 0), min(extent.x1, 1), min(1 - extent.y0, 1))
-        middle = (box[0] + box[2]) / 2
-        above = [one for one in boxes if one[0] < middle < one[2] and one[1] < box[1]]
-        if above and str(artist.get_gid() or "").startswith(BELOW_PANEL):
-            upper = max(above, key=lambda one: one[1])
-            boxes[boxes.index(upper)] = _join(upper, box)
+        left = [one for one in boxes if one[0] < box[0] and _abreast(one, box)]
+        if left and box[2] - box[0] <= MAX_SCALE_WIDTH:  # a scale goes with the panel on its left
+            x0, y0, x1, y1 = panel = max(left)
+            whole = min(x0, box[0]), min(y0, box[1]), max(x1, box[2]), max(y1, box[3])
+            boxes[boxes.index(panel)] = whole
         else:
             boxes.append(box)
-    boxes = _sort_for_reading(_join_scales(boxes))
+    boxes = _sort_for_reading(boxes)
     if not any(_abreast(*two) for two in pairwise(boxes)):
         return ""
     return ";".join(
         f"{100 * left:.1f} {100 * top:.1f} {100 * (right - left):.1f} {100 * (bottom - top):.1f}"
         for left, top, right, bottom in boxes
     )
-
-
-def _join_scales(boxes: list[Box]) -> list[Box]:
-    """Join each narrow box, a colour scale, with the panel on its left."""
-    panels = [one for one in boxes if one[2] - one[0] > MAX_SCALE_WIDTH]
-    for scale in (one for one in boxes if one not in panels):
-        left = [one for one in panels if one[0] < scale[0] and _abreast(one, scale)]
-        if left:
-            panels[panels.index(max(left))] = _join(max(left), scale)
-        else:
-            panels.append(scale)
-    return panels
 
 
 def _sort_for_reading(boxes: list[Box]) -> list[Box]:
@@ -228,11 +184,6 @@ def _sort_for_reading(boxes: list[Box]) -> list[Box]:
         else:
             rows.append([box])
     return [box for row in rows for box in sorted(row)]
-
-
-def _join(one: Box, other: Box) -> Box:
-    """Return the box around two boxes."""
-    return (*map(min, one[:2], other[:2]), *map(max, one[2:], other[2:]))  # type: ignore[return-value]
 
 
 def _abreast(one: Box, other: Box) -> bool:

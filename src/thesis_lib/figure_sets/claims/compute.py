@@ -20,7 +20,7 @@ that makes little difference tests little.
 import hashlib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 from itertools import product
 from pathlib import Path
@@ -47,7 +47,6 @@ from thesis_lib.studies import cubes, storage, workers
 from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration import structure as structures
-from thesis_lib.vision import rounding, simulation
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 TILTS_DEG = (0, 15, 30, 45)
@@ -141,26 +140,16 @@ def _structure_sources(structure: str) -> dict[str, Source]:
     }
 
 
-def _askew(study: CameraStudy) -> list[verdicts.Series]:
+def _askew(draws: Mapping[str, Any]) -> list[verdicts.Series]:
     """Measure a plate's first mode, and a sum of modes without symmetry, by cameras of 4a."""
+    names = {1: "plain", 2: "askew"}  # which stand for modes of the study
+    study = camera_study("plate-arrays", {"cases": ["4a"], "modes": list(names), **draws})
     plate, peak = study.structure, study.peaks_m[0]
     every = [structures.deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW_MODES]
     plain, askew = every[0], np.sum(every, axis=0)
-    shapes = np.stack([0 * plain, plain, askew * (np.abs(plain).max() / np.abs(askew).max())])
-    points = structures.world_points(plate, shapes)
-    errors, settings = [], study.settings()
-    for setting in settings:
-        cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
-        shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
-        measured = simulation.measure_deflections(cameras, points, shifts)
-        errors.append(simulation.percent_errors(measured, shapes[1:])[1:])
-    by_case = np.moveaxis(np.array(errors)[..., 1:], 0, 2)  # (quantity, case, setting, trial)
-    varied = np.array([float(setting.value) for setting in settings])
-    return [
-        verdicts.Series(quantity, case, 1, varied, by_case[q, c])
-        for q, quantity in enumerate(("mean_error", "max_point_error"))
-        for c, case in enumerate(("plain", "askew"))
-    ]
+    shapes = [plain, askew * (np.abs(plain).max() / np.abs(askew).max())]
+    cube = studies.run(study, shapes=shapes).assign_attrs(figure_set=ASKEW_PLATE)
+    return [replace(one, case=names[one.mode], mode=1) for one in verdicts.series_of(cube)]
 
 
 def own_sources() -> dict[str, Source]:
@@ -189,8 +178,7 @@ def run_layouts(study: Claims) -> xr.Dataset:
         requests = [camera_study(one.name, {**one.request, **draws}) for one in source.requests]
         runs = [studies.run(one).assign_attrs(figure_set=one.name) for one in requests]
         found += [(name, series) for series in source.read(runs)]
-    askew = camera_study("plate-arrays", {"cases": ["4a"], **draws})
-    found += [(ASKEW_PLATE, series) for series in _askew(askew)]
+    found += [(ASKEW_PLATE, series) for series in _askew(draws)]
     values = stack_padded(series.values for _, series in found)
     errors = stack_padded(series.errors.astype("float32") for _, series in found)
     rows = ((name, series.quantity, series.case, series.mode) for name, series in found)

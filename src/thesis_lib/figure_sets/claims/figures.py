@@ -1,6 +1,5 @@
 """Figures and tables of the ledger: claimed against computed values, chapter by chapter."""
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from itertools import product
 from typing import Any
@@ -118,17 +117,11 @@ class LedgerTable(anywidget.AnyWidget):
     def _plain(self, proposal: Mapping[str, Any]) -> Any:
         return copy_plain(proposal["value"])
 
-    def __repr__(self) -> str:
-        rows = self.data.get("rows", [])
-        found = Counter(row["verdict"] for row in rows if row["counted"])
-        counts = ", ".join(f"{found[one]} {one}" for one in verdicts.VERDICTS)
-        return f"LedgerTable({len(rows)} claims, {found.total()} counted: {counts})"
-
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
         shown = {"data": self.data, "page": True}
         page = static_html(_LEDGER_SCRIPT, _LEDGER_STYLE, shown, NO_SCRIPT_TEXT, prints=True)
-        return {**data, "text/plain": repr(self), "text/html": page}, metadata
+        return {**data, "text/plain": NO_SCRIPT_TEXT, "text/html": page}, metadata
 
 
 def count_totals(cube: xr.Dataset) -> dict[str, Any]:
@@ -231,12 +224,6 @@ def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
     ]
 
 
-def list_commands(cube: xr.Dataset) -> dict[str, Any]:
-    """List the command that runs chapter 3 under each interpretation."""
-    names = cube["reading"].values.tolist()
-    return {"commands": {name: format_command(READINGS[name]) for name in names}}
-
-
 def best_reading(cube: xr.Dataset) -> dict[str, Any]:
     """State whether an interpretation agrees better than the adopted one, beyond chance."""
     adopted, *others = rows = _interpretations(cube)
@@ -251,6 +238,8 @@ TEXTS = {
     "rules": lambda _: RULES,
     "differing": list_differing,
     "interpretations": lambda cube: {"rows": _interpretations(cube)},
-    "commands": list_commands,
+    "commands": lambda cube: {
+        "commands": {one: format_command(READINGS[one]) for one in cube["reading"].values.tolist()}
+    },
     "best": best_reading,
 }

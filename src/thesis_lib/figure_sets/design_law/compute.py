@@ -266,37 +266,22 @@ def compare_exponents(cube: xr.Dataset) -> dict[str, Any]:
     """Return exponents of the findings at the centre, over all markers, and far below a pixel."""
     known = cube["centre_exponent"].notnull().all("structure").values
     nearest = cube["swept"].sel(finding="distance").min("step")
-    structures = cube["structure"].values
-    peaks = [setups.assumed_values(str(one))["amplitude_mm"] for one in structures]
+    peaks = [setups.assumed_values(one)["amplitude_mm"] for one in cube["structure"].values]
     return {
         "findings": [cube.isel(finding=i) for i in np.flatnonzero(known)],
-        "amplitudes": list(iterate_slices(cube, "amplitudes")),
-        "structures": structures,
         "motions": 100 * (sweeps.AMPLITUDE_RANGE[1] * np.array(peaks) / nearest.values),
         "max_motion": cone_law.MAX_MOTION_FRACTION,
     }
 
 
 def summarise_findings(cube: xr.Dataset) -> dict[str, Any]:
-    """Return the thesis's five findings: measured exponents, and their limits."""
+    """Return what lower elevations than 20° gain, structure by structure."""
     low = cube.sel(finding="elevation")
     gains = [
         np.interp(20, part["swept"], part["expected_error"]) / float(part["expected_error"][0])
         for part in iterate_slices(low, "structure")
     ]
-    best, late = (
-        [" / ".join(f"{scale * (value - less):.0f}" for value in row) for row in cube[name].values]
-        for name, scale, less in (("best_aperture", 1, 0), ("wide_gain", 100, 1))
-    )
-    return {
-        "structures": cube["structure"].values,
-        "measured": cube["expected_exponent"],
-        "arrays": cube["array_exponent"],
-        "lowest": low["swept"][0, 0],
-        "gains": gains,
-        "best": best,
-        "late": late,
-    }
+    return {"lowest": low["swept"][0, 0], "gains": gains}
 
 
 def compare_estimators(cube: xr.Dataset) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from thesis_lib.arrays import Array, NDArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study
+from thesis_lib.studies.request import Study, distance_limit
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
 
 LEAST_PX = 16  # width of a sensor
@@ -86,23 +86,17 @@ class DesignLaw(Study):
         bodies = setups.thesis_beam(), setups.thesis_plate()
         farther = max(1000 * math.hypot(*body.extent) / 2 for body in bodies) + peak
         if self.cone_distance_mm <= farther:
-            allowed = f"more than {farther:.4g} mm, the reach of beam and plate and the amplitude"
-            fields.refuse_value("cone_distance_mm", self.cone_distance_mm, f"allowed: {allowed}")
+            fields.refuse_value("cone_distance_mm", self.cone_distance_mm, distance_limit(farther))
         width = self.shared[0]
         if width.min() < LEAST_PX or width.max() > 20_000:
-            self.refuse(
-                "frame_rates_hz",
-                f"allowed: rates that leave each camera a sensor {LEAST_PX} to 20000 px wide",
-            )
+            why = f"allowed: rates that leave each camera a sensor {LEAST_PX} to 20000 px wide"
+            self.refuse("frame_rates_hz", why)
         if self.duration_s * max(self.frame_rates_hz) > MOST_FRAMES:
             self.refuse("duration_s", f"allowed: at most {MOST_FRAMES} frames")
         low, high = 1 / self.duration_s, 0.4 * min(self.frame_rates_hz)
         if not low <= self.frequency_hz <= high:
-            self.refuse(
-                "frequency_hz",
-                f"allowed: {low:.4g} Hz, one over the duration, to {high:.4g} Hz, 0.4 times the "
-                "lowest frame rate",
-            )
+            why = "from one over the duration to 0.4 of the lowest frame rate"
+            self.refuse("frequency_hz", f"allowed: {low:.4g} to {high:.4g} Hz, {why}")
         return self
 
 

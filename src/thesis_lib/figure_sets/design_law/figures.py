@@ -15,7 +15,7 @@ from thesis_lib.vision import cone_law, dither, rounding
 
 TEXTS = compute.TEXTS  # which a cube's texts are filled with
 FIGURE_SIZE_IN = (7.2, 3.3)  # inches
-_PER_PIXEL = 181  # motions at which the law is drawn, in each pixel
+_CURVE_POINTS = 1001  # motions up to the largest at which the law is drawn
 DRAWN_ANGLE_STEP = 5  # of the drawn angles, so that dots stand apart
 PERCENT_TICKS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
@@ -24,12 +24,8 @@ def motion(cube: xr.Dataset) -> Figure:
     """Plot the rounding error of one coordinate against its motion, and relative to it."""
     drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN)
     delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
-    # Motions closer to each other towards whole pixels, where the law has cusps: √(f (1 − f)) is
-    # half the sine of an angle that grows evenly here
-    place = (1 - np.cos(np.linspace(0, np.pi, _PER_PIXEL))) / 2
-    arched = (np.arange(np.ceil(delta[-1]))[:, None] + place).ravel()
-    every = np.unique(np.concatenate([arched, np.geomspace(delta[0], 1, _PER_PIXEL)]))
-    every = every[(every >= delta[0]) & (every <= delta[-1])]
+    fine = np.linspace(0, delta[-1], _CURVE_POINTS)  # with whole pixels, where the law has cusps
+    every = np.unique(np.concatenate([np.geomspace(delta[0], 1, 201), fine[fine > delta[0]]]))
     law = np.sqrt(rounding.difference_variance(every))
     independent = np.full_like(every, cone_law.MOTION_PX)
     for axes, power in ((left, 0), (right, 1)):

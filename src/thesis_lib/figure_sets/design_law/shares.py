@@ -6,7 +6,7 @@ second is the same for all. One frame is judged by the error of the beam's marke
 together by the error of an amplitude that is fitted to a film of the centre.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -214,13 +214,13 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
     }
 
 
-def half_gain_noise(gains: Array) -> float:
-    """Return the noise (px) that halves the first of the gains at `NOISES`; NaN without one."""
+def half_gain_noise(gains: Array, noises: Sequence[float] = NOISES_PX) -> float:
+    """Return the noise (px) that halves the first of the gains at `noises`; NaN without one."""
     below = np.flatnonzero(gains < gains[0] / 2)
     if gains[0] < _MIN_GAIN or not below.size:
         return float("nan")
     pair = slice(below[0] - 1, below[0] + 1)
-    return float(np.interp(-gains[0] / 2, -gains[pair], NOISES_PX[pair]))
+    return float(np.interp(-gains[0] / 2, -gains[pair], noises[pair]))
 
 
 # (e) Estimators for whole pixels, and (f) dither.
@@ -277,18 +277,15 @@ def noise_tolerance(n_cameras: int, layouts: int, seed: int) -> float:
     The gain is how much less than that of least squares its error is, relative to it. NaN without
     one, as few layouts may have it.
     """
-    stand, gains = (CROWD_DISTANCE_M,) * n_cameras, []
+    stand, gains = (CROWD_DISTANCE_M,) * n_cameras, np.empty(0)
     how: Any = {"seed": seed, "rules": COMPARED_ESTIMATORS}
     for noise in WITH_NOISE:
         errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
         least, centre = simulation.over_layouts(errors)
-        gains.append(1 - centre / least)
-        if gains[0] < _MIN_GAIN:
-            return float("nan")
-        if gains[-1] < gains[0] / 2:
-            noises = WITH_NOISE[len(gains) - 2 : len(gains)]
-            return float(np.interp(-gains[0] / 2, -np.array(gains[-2:]), noises))
-    return float("inf")
+        gains = np.append(gains, 1 - centre / least)
+        if gains[0] < _MIN_GAIN or gains[-1] < gains[0] / 2:
+            break
+    return half_gain_noise(gains, WITH_NOISE)
 
 
 def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:

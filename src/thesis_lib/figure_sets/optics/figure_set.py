@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study
+from thesis_lib.studies.request import Study, distance_limit
 
 MAX_DISTANCE_RATIO = 4  # of the largest of the distances, to which curves go
 PictureWidth = Literal[1280, 640, 320, 256, 160, 128, 80, 64, 32, 16]
@@ -88,8 +88,7 @@ class Cameras(Study):
         reach = 1000 * math.hypot(*self.structure.extent) / 2
         for distance in self.distances_mm:
             if distance <= reach:
-                allowed = f"more than {reach:.4g} mm, the reach of the beam"
-                fields.refuse_value("distances_mm", distance, f"allowed: {allowed}")
+                fields.refuse_value("distances_mm", distance, distance_limit(reach))
         if self.focal_length_mm >= min(self.distances_mm):
             self.refuse("focal_length_mm", "allowed: less than the nearest of distances_mm")
         return self

@@ -29,10 +29,6 @@ COINCIDENT_TEXT = (
     "allowed: different places"
 )
 """Refusals of values that do not go together; pages refuse in the same words."""
-DIRECTION_TEXT = (
-    "the [azimuth, elevation] in ° of a camera in case {}, "
-    "allowed: a finite azimuth, an elevation above 0, at most 90"
-)
 MAX_MEMORY_BYTES = 2 * 2**30
 BYTES_PER_DEFLECTION = 16  # in single precision, with the copies that rounding and writing make
 
@@ -77,20 +73,15 @@ class CameraStudy(Study):
         return [s.swap_axes() if self.azimuth_zero == "X" else s for s in self.thesis_settings()]
 
     @property
-    def law(self) -> str:
-        """Long name of `predicted_error`, which is a law of least squares for every estimator."""
-        law = f"rms error over the trials by the {self._cause}"
-        return law if self.estimator == LEAST_SQUARES else f"{law}, of least squares"
-
-    @property
-    def _cause(self) -> str:
-        return f"{self.predicts} and noise" if self.noise_px else self.predicts
-
-    @property
     def predicted_by(self) -> str:
-        """Return the meaning of `predicted_error`, for legends."""
-        least = self.estimator == LEAST_SQUARES
-        return self._cause if least else f"{self._cause} of least squares"
+        """Return the meaning of `predicted_error`, a law of least squares for every estimator."""
+        cause = f"{self.predicts} and noise" if self.noise_px else self.predicts
+        return cause if self.estimator == LEAST_SQUARES else f"{cause} of least squares"
+
+    @property
+    def law(self) -> str:
+        """Long name of `predicted_error`."""
+        return f"rms error over the trials by the {self.predicted_by}"
 
     @property
     def peaks_m(self) -> list[float]:
@@ -105,25 +96,16 @@ class CameraStudy(Study):
         results = len(settings) * len(self.modes) * (self.trials + 1)
         needed = BYTES_PER_DEFLECTION * self.structure.markers.shape[1] * results
         if needed > MAX_MEMORY_BYTES:
-            fields.refuse_value(
-                "trials",
-                self.trials,
-                f"which with {len(settings)} settings and {len(self.modes)} modes would need "
-                f"{needed / 1e9:.3g} GB of memory, allowed: {MAX_MEMORY_BYTES / 1e9:.2g} GB or "
-                "less; ask for fewer trials, settings or modes",
-            )
+            size, most = f"{needed / 1e9:.3g} GB", f"{MAX_MEMORY_BYTES / 1e9:.2g} GB or less"
+            advice = "ask for fewer trials, settings or modes"
+            self.refuse("trials", f"which needs {size} of memory, allowed: {most}; {advice}")
         reach = 1000 * (math.hypot(*self.structure.extent) / 2 + max(self.peaks_m))
         name = "distances_mm" if "distances_mm" in type(self).model_fields else "distance_mm"
         for setting in settings:
             if setting.distance_mm <= reach:
                 fields.refuse_value(name, setting.distance_mm, distance_limit(reach))
         for setting in settings:
-            for azimuth, elevation in setting.directions_deg:
-                if not (math.isfinite(azimuth) and 0 < elevation <= 90):  # NaN is refused, too
-                    text = DIRECTION_TEXT.format(fields.format_given(setting.case))
-                    fields.refuse_value("directions_deg", [azimuth, elevation], text)
-            angles = np.radians(setting.directions_deg)
-            directions = hemisphere_directions(angles[:, 0], angles[:, 1])
+            directions = hemisphere_directions(*np.radians(setting.directions_deg).T)
             apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
             for pair in np.argwhere(np.triu(apart < 1e-6, k=1)):
                 given = [setting.directions_deg[camera] for camera in pair]

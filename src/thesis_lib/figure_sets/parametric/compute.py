@@ -64,15 +64,23 @@ def block_results(block: workers.Block, points: Array, asked: Mapping[str, Any])
 
 
 def run(
-    study: CameraStudy, scheduler: str = "", only: Sequence[Setting] | None = None
+    study: CameraStudy,
+    scheduler: str = "",
+    only: Sequence[Setting] | None = None,
+    shapes: Sequence[Array] = (),
 ) -> xr.Dataset:
-    """Compute the cube of a camera study, or of some of its settings, block by block."""
+    """Compute the cube of a camera study block by block.
+
+    `only` has some of its settings, `shapes` deflections in m in place of those of its modes.
+    """
     structure, settings = study.structure, list(study.settings() if only is None else only)
-    shapes = [
-        deflection_shape(structure, mode, structure.markers, peak)
-        for mode, peak in zip(study.modes, study.peaks_m, strict=True)
-    ]
-    reference = np.array(shapes)
+    reference = np.array(
+        shapes
+        or [
+            deflection_shape(structure, mode, structure.markers, peak)
+            for mode, peak in zip(study.modes, study.peaks_m, strict=True)
+        ]
+    )
     points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
     cube = xr.Dataset(coords=schema.study_coordinates(study, study.modes, structure, settings))
     values = {

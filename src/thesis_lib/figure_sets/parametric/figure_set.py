@@ -9,7 +9,7 @@ from copy import copy
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self, cast
 
-from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, create_model, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, create_model, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
@@ -186,7 +186,6 @@ Corner = tuple[Coordinate, Coordinate]
 Support = Literal["simply supported", "clamped", "free"]
 Edge = Annotated[str, Field(pattern=r"^[1-9][0-9]?$", title="numbers of edges as text")]
 FORCE_AT = setups.thesis_plate().force_position
-CONTOUR_FIELDS = ("outline_mm", "circles_mm", "cutouts_mm")
 SHAPE_FIELDS = {
     "outline": "outline_mm",
     "supports": "edge_supports",
@@ -281,8 +280,6 @@ def figure_set(subject: str, kind: type[CameraStudy]) -> type[CameraStudy]:
         if name in printed and (shared or info.is_required()):
             filled, annotation = copy(info), cast(Any, info.annotation)
             filled.default = printed[name]
-            if name in ("resolution_px", *CONTOUR_FIELDS):  # the tables have lists for tuples
-                filled.default = TypeAdapter(annotation).validate_python(printed[name])
             defaults[name] = (annotation, filled)
     model: Any = cast(Any, create_model)(
         f"{subject.title()}{kind.__name__}", __base__=bases, __doc__=kind.__doc__, **defaults

@@ -20,13 +20,6 @@ from thesis_lib.vibration.structure import Beam, Plate, Structure, cantilever_ro
 
 COMPUTED_SETS = tuple(one for one in CAMERA_STUDIES if not one.startswith("sound"))
 """Figure sets that a page computes."""
-KNOWN_FIELDS = {
-    "amplitude_mm", "azimuth_deg", "azimuth_zero", "cases", "cube", "distance_mm", "distances_mm",
-    "elevation_deg", "elevations_deg", "estimator", "first_marker_mm", "focal_length_mm", "grid",
-    "half_apertures_deg", "layouts", "modes", "noise_px", "pair_order", "principal_offset_px",
-    "resolution_px", "rest", "seed", "sensor_width_mm", "trials", "widths_px",
-}  # fmt: skip
-"""Parameters that ``web/assets/recompute.js`` computes with; it leaves others to the command."""
 MAX_MODE = 30  # the highest mode that a request may have
 
 
@@ -58,8 +51,7 @@ def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
         ``structures`` as :func:`structure_model` tells them, with ``peaks``, the deflection of
         each mode by a force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and
         ``opposite``; ``conditions``, words for values that do not go together; what a viewer draws
-        with; and ``sets``: what is varied, titles of cases, ``others``, the defaults of parameters
-        that the page does not know, and ``published`` rows of case, value,
+        with; and ``sets``: what is varied, titles of cases, and ``published`` rows of case, value,
         order of pairs, mode, nominal mean error, median, 5 and 95 % in percent.
     """
     studies = {name: camera_study(name) for name in names}
@@ -91,11 +83,6 @@ def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
                 "titles": {
                     case: setups.case_title(one.subject, one.study, case)
                     for case in dict.fromkeys(setting.case for setting in one.settings())
-                },
-                "others": {
-                    field: fields.format_given(value)
-                    for field, value in one.request.items()
-                    if field not in KNOWN_FIELDS
                 },
                 "published": _published_errors(name),
             }

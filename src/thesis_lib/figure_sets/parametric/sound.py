@@ -102,7 +102,7 @@ def run(
     reference = plate_cube["reference_deflection"].values
     deflections = plate_cube["measured_deflection"]
     settings, chosen = study.settings(), schema.extreme_settings(plate_cube)
-    ends = np.array(list(chosen.values()))
+    ends = np.array(list(chosen.values()))  # case, mode, and the best or worst setting
     omegas = [structure.resonance_frequency(plate, mode) for mode in study.modes]
     sounds = [
         PlateSound.from_shape(plate, planes, medium, omega, shape)
@@ -114,40 +114,16 @@ def run(
     parts = plate_pistons(plate)
     velocities = 1j * np.array(omegas)[:, None] * reference
     moving = [(parts, v, omega, medium) for v, omega in zip(velocities, omegas, strict=True)]
-    power = np.array([radiation.sound_power(*one) for one in moving])
     fields = np.array([one.fields(one.reference) for one in sounds])
+    measured = np.empty((*ends.shape, *fields.shape[1:]), "complex64")
+    for at in np.ndindex(ends.shape):
+        measured[at] = sounds[at[1]].fields(deflections[ends[at], at[1], 0].values)
     largest = np.abs(fields).max(axis=(2, 3))
     norms = np.array([[np.linalg.norm(F) for F in of_mode] for of_mode in factors])
     independent = np.array(omegas)[:, None] * norms
     amplitude = np.max(np.abs(reference), axis=1)[:, None]
     usable = np.array([one.largest for one in sounds])
     greater = np.fmax.reduce(usable, axis=1, keepdims=True)  # NaN if both planes are nodal
-    lines = ("setting",), ("mode",), ("trial",)
-    kept = {str(name): one for name, one in plate_cube.coords.items() if one.dims in lines}
-    cube = xr.Dataset(coords={**kept, **schema.field_coordinates(planes, list(chosen))})
-    values = {
-        "independent_ratio": independent * amplitude / usable,
-        "independent_share": np.sum(np.square(modes), axis=-1) / norms[..., None] ** 2,
-        "largest_pressure": largest,
-        **sum_errors(study, fields, usable),
-        "best_and_worst": ends,
-        "piston_size": np.array(omegas) / medium.speed_of_sound * max(parts.size),
-        "radiation_efficiency": [radiation.radiation_efficiency(*one) for one in moving],
-        **schema.split_complex("pressure_reference", fields.astype("complex64")),
-    }
-    cube = cube.assign(schema.label_values(values, VARIABLES))
-    cube = cube.assign_coords(
-        schema.label_values({"radiation_mode": range(1, told + 1)}, COORDINATES)
-    )
-    for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
-        cube[name] = plate_cube[name]
-    if study.amplitude_mm == "force":  # only then are they newtons
-        levels = {
-            "sound_power": power,
-            "sound_power_level": radiation.power_level(power),
-            "largest_pressure_level": radiation.pressure_level(largest),
-        }
-        cube = cube.assign(schema.label_values(levels, LEVEL_VARIABLES))
 
     shapes = np.stack([np.zeros_like(reference), reference], axis=1)  # at rest and deflected
     points = np.stack([structure.world_points(plate, both) for both in shapes])
@@ -158,31 +134,48 @@ def run(
         for index, setting in enumerate(settings)
         for trials in workers.runs_of_trials(study.trials, 8 * reference.size)
     )
-    sizes = {**cube.sizes, **plate_cube.sizes}
-    target = {
-        name: np.empty(
-            [sizes[dim] for dim in one.dims], "float32" if name.startswith("pressure") else float
-        )
-        for name, one in VARIABLES.items()
-        if name not in values
+    each = len(settings), *usable.shape  # setting, mode, plane
+    found = {name: np.empty(each) for name in ("predicted", "coherence")}
+    found |= {"rms": np.empty((*each[:2], study.trials + 1, each[2]))}
+    found |= {"radiated_share": np.empty((*each, told))}
+    for block, results in workers.compute_blocks(work, blocks, scheduler):
+        for name, result in results.items():
+            found[name][block.place if name == "rms" else block.setting] = result
+    values = {
+        "plane_error": 100 * found["rms"] / usable[:, None],
+        "plane_error_of_larger": 100 * found["rms"] / greater[:, None],
+        "predicted_error": 100 * found["predicted"] / usable,
+        "coherence": found["coherence"],
+        "radiated_share": found["radiated_share"],
+        "deflection_error": plate_cube["mean_error"].values,
+        "independent_ratio": independent * amplitude / usable,
+        "independent_share": np.sum(np.square(modes), axis=-1) / norms[..., None] ** 2,
+        "largest_pressure": largest,
+        **sum_errors(study, fields, usable),
+        "best_and_worst": ends,
+        "piston_size": np.array(omegas) / medium.speed_of_sound * max(parts.size),
+        "radiation_efficiency": [radiation.radiation_efficiency(*one) for one in moving],
+        **schema.split_complex("pressure_reference", fields.astype("complex64")),
+        **schema.split_complex("pressure_measured", measured),
     }
-    for block, found in workers.compute_blocks(work, blocks, scheduler):
-        target["plane_error"][block.place] = 100 * found["rms"] / usable[:, None]
-        target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
-        if "predicted" in found:
-            target["predicted_error"][block.setting] = 100 * found["predicted"] / usable
-            for name in ("coherence", "radiated_share"):
-                target[name][block.setting] = found[name]
-    target["deflection_error"] = plate_cube["mean_error"].values
-    for c, m, x in np.ndindex(ends.shape[:3]):  # case, mode, and the best or worst setting
-        pressure = sounds[m].fields(deflections[ends[c, m, x], m, 0].values)
-        target["pressure_measured_real"][c, m, x] = pressure.real
-        target["pressure_measured_imag"][c, m, x] = pressure.imag
-    cube = cube.assign(schema.label_values(target, VARIABLES))
+    values = {name: values[name] for name in VARIABLES}  # in the order of the table
+    lines = ("setting",), ("mode",), ("trial",)
+    kept = {str(name): one for name, one in plate_cube.coords.items() if one.dims in lines}
+    told_modes = schema.label_values({"radiation_mode": range(1, told + 1)}, COORDINATES)
+    coords = {**kept, **schema.field_coordinates(planes, list(chosen)), **told_modes}
+    cube = xr.Dataset(schema.label_values(values, VARIABLES), coords)
     cube["predicted_error"].attrs["long_name"] = study.law
-    others = [name for name in cube.data_vars if name not in VARIABLES]
-    checksum = deflection_checksum(plate_cube)
-    cube = cube[[*VARIABLES, *others]].assign_attrs(deflections_sha256=checksum)
+    for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
+        cube[name] = plate_cube[name]
+    if study.amplitude_mm == "force":  # only then are they newtons
+        power = np.array([radiation.sound_power(*one) for one in moving])
+        levels = {
+            "sound_power": power,
+            "sound_power_level": radiation.power_level(power),
+            "largest_pressure_level": radiation.pressure_level(largest),
+        }
+        cube = cube.assign(schema.label_values(levels, LEVEL_VARIABLES))
+    cube = cube.assign_attrs(deflections_sha256=deflection_checksum(plate_cube))
     return cube if turned is None else cube.assign(compare_turns(study, sounds, turned))
 
 
@@ -231,16 +224,8 @@ def compare_sums(opened: Mapping[str, xr.Dataset]) -> str:
             opened[f"sound-{study}"]["predicted_error"].sel(mode=mode, plane=plane).values
             for study in ("distance", "aperture", "resolution", "arrays")
         ]
-        rows.append(
-            {
-                "mode": mode,
-                "plane": plane,
-                "sum_error": one["sum_error"],
-                "largest": one["sum_error_largest"],
-                "sharpest": one["predicted_error"][sharpest],
-                "errors": np.concatenate(every),
-            }
-        )
+        fields = {"sharpest": one["predicted_error"][sharpest], "errors": np.concatenate(every)}
+        rows.append({"one": one, **fields})
     return render(__file__, "sums", rows=rows, width=fine["width_px"].max())
 
 
@@ -316,9 +301,6 @@ def turn_summary(cube: xr.Dataset) -> dict[str, Any]:
     shape = cube["turned_deflection"] / cube["turned_deflection"].sel(turn=0) - 1
     return {
         "rows": rows,
-        "mode": mode,
-        "plane": plane,
-        "turn": BEST_DEG[0],
         "before": before.isel(at),
         "after": after.isel(at),
         "shape": 100 * np.abs(shape).max(),

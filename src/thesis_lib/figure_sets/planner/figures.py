@@ -40,24 +40,11 @@ def _best_of_thesis(cube: xr.Dataset, body: str) -> Iterator[xr.Dataset]:
 
 def compare_with_thesis(cube: xr.Dataset) -> dict[str, Any]:
     """Compare planned layouts with the best of the thesis with as many cameras."""
-    rows: list[dict[str, Any]] = []
+    rows = []
     for body, question in figure_set.THESIS_QUESTIONS.items():
         plans = iterate_slices(coarse_options(cube, question), "option")
         for planned, own in zip(plans, _best_of_thesis(cube, body), strict=True):
-            error = float(own["thesis_expected"])
-            rows.append(
-                {
-                    "body": body,
-                    "count": planned["n_cameras"],
-                    "case": own["thesis_case"].item() if np.isfinite(error) else "—",
-                    "own": error,
-                    "planned": planned["expected_error"],
-                    "less": 100 * (1 - planned["expected_error"] / error),
-                    "bound": planned["bound"],
-                    "own_simulated": own["thesis_simulated"],
-                    "simulated": planned["simulated_error"].max(),
-                }
-            )
+            rows.append({"body": body, "planned": planned, "own": own})
     return {"rows": rows, "readable": with_readable(cube)}
 
 
@@ -127,14 +114,8 @@ def compare_sound(cube: xr.Dataset) -> dict[str, Any]:
     rows = []
     for one in iterate_slices(cube, "count"):
         field, simulated = (one[f"sound_{k}"].max("mode").values for k in ("error", "simulated"))
-        rows.append(
-            {
-                "count": one["count"],
-                "fields": list(zip(field, simulated, strict=True)),
-                "change": field[1] / field[0] - 1,
-                "shapes": one["sound_shape_error"].values,
-            }
-        )
+        fields, change = list(zip(field, simulated, strict=True)), field[1] / field[0] - 1
+        rows.append({"one": one, "fields": fields, "change": change})
     return {"rows": rows}
 
 
@@ -202,15 +183,15 @@ def layouts(cube: xr.Dataset) -> Figure:
         corners = along, np.zeros(4), up
         if obstacle == "machine":
             corners = np.full(4, figure_set.MACHINE_BOX_MM[0] / 1000), along, up
-        for panel, (_, azimuth, elevation) in zip(column, plan_report.LAYOUT_VIEWS, strict=False):
+        views = zip(column, plan_report.LAYOUT_VIEWS, strict=False)
+        for panel, (words, azimuth, elevation) in views:
+            panel.set_title(f"{question}, {words}".replace(": ", ":\n"), fontsize=7)
             plan_report.layout_panel(panel, part, azimuth, elevation)
             if obstacle:
                 face = 1000 * project_parallel(np.stack(corners, axis=1), azimuth, elevation)
                 panel.fill(*face.T, color=style.HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
                 where: Any = {"fontsize": 8, "ha": "center", "va": "top"}
                 panel.annotate(obstacle, face[1], color=style.HIGHLIGHT_COLOR, **where)
-        column[0].set_title(question)
-        column[1].set_gid(f"{style.BELOW_PANEL}-{question}")
     for spare in columns[len(shown) :].flat:
         spare.axis("off")
     return drawing

@@ -91,9 +91,7 @@ function findLimit({ estimator, noise_px: noise, modes }, settings, count) { // 
 
 // Settings, modes with their peaks and the structure of a request, or a `problem`, or why it is
 // `left` to the command.
-function planRequest({ subject, study, others }, values, facts) {
-  const unknown = Object.keys(others).find((name) => formatGiven(values[name]) !== others[name]);
-  if (unknown) return { left: `the parameter ${unknown}` };
+function planRequest({ subject, study }, values, facts) {
   const given = facts.structures[subject], peaks = peaksOf(values, given);
   const common = { distance: values.distance_mm, size: values.resolution_px };
   const settings = SETTINGS[study](values, facts).map((one) => ({ ...common, ...one }));
