@@ -154,6 +154,15 @@ def test_errors_follow_from_the_deflections(conforms, name):
     assert (cube["mac"] >= 0).all()
 
 
+def test_ground_sample_distance_follows_distance_and_resolution(conforms):
+    for name, distance, width in (
+        ("distance", np.array([0.5, 0.75, 1, 1.5]), 320),
+        ("resolution", 0.5, np.array([320, 640, 1280, 1920])),
+    ):
+        step = cube_of(f"beam-{name}")["ground_sample_distance"]
+        conforms.closed_form(step, distance * 36 / 24 / width, rtol=1e-7)
+
+
 @pytest.mark.parametrize("known", [False, True])
 def test_analytic_centre_takes_the_slabs_that_a_shifted_grid_leaves(conforms, known):
     study = validate_request("beam-aperture", {})

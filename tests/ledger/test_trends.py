@@ -157,6 +157,14 @@ def test_what_the_words_mean(test, by, holds, more):
     assert found == Finding(float(holds), float(holds))
 
 
+@pytest.mark.parametrize(("test", "by", "holds", "more"), CLEAR)
+def test_a_clear_trend_is_found_under_noise(test, by, holds, more):
+    """Single runs scatter by 5 %, means over 100 of them by 0.5 %."""
+    made = scene(by, trials=100, noise=0.05, seed=1, values=values_of(by))
+    found = judge_trend(trend(test, **more), made)
+    assert found.confidence > 0.99 if holds else found.confidence < 0.01
+
+
 def test_every_word_is_tried_both_ways():
     used = {one.test.partition(" ")[0] for one in claims.read_trends()}
     assert used <= set(trends.TREND_TESTS)

@@ -1,6 +1,7 @@
 """The notebooks: what they carry, and that nbval and papermill hold them to it."""
 
 import re
+import shutil
 
 import nbformat
 import pytest
@@ -189,6 +190,29 @@ def test_a_figure_of_another_lens_says_that_it_is_the_thesiss_only_in_kind():
 
 
 # papermill without the command.
+
+
+@pytest.mark.nightly
+def test_one_changed_digit_fails(own_checkout):
+    """Of the first cells of a notebook that nbval executes one fails, and all others pass."""
+    shutil.copytree(PROJECT / "tests", own_checkout.root / "tests")
+    shutil.copy(PROJECT / "conftest.py", own_checkout.root)
+    document = nbformat.read(PROJECT / "notebooks" / "beam-distance.ipynb", as_version=4)
+    marked = next(cell for cell in document.cells if cell.id == "beam-distance-06")
+    assert MARK in marked.source.splitlines()
+    document.cells = document.cells[: document.cells.index(marked) + 1]
+    data = marked.outputs[0].data
+    before = data["text/markdown"]
+    found = re.search(r"\d+\.(\d) ·", before)
+    digit = str((int(found[1]) + 1) % 10)
+    data["text/markdown"] = before[: found.start(1)] + digit + before[found.end(1) :]
+    folder = own_checkout.root / "doctored"
+    folder.mkdir()
+    nbformat.write(document, folder / "changed.ipynb")
+    words = ["-m", "pytest", "--nbval", "-p", "no:cacheprovider", "-p", "no:xdist", folder]
+    done = own_checkout.python(*words, cwd=folder, timeout=200)
+    others = len(cells(folder / "changed.ipynb")) - 1
+    assert f"1 failed, {others} passed" in done.stdout, done.stdout
 
 
 def test_a_value_given_to_papermill_is_refused_like_the_commands():
