@@ -176,7 +176,7 @@ def test_every_statement_has_one_entry_that_can_be_shown(found):
     assert [entry.chapter for entry in found] == sorted(entry.chapter for entry in found)
     assert {entry.verdict for entry in found} <= set(verdicts.VERDICTS) - {"undefined"}
     LedgerTable(data={"rows": [entry.row for entry in found]})
-    json.dumps([entry.record for entry in found], allow_nan=False)
+    json.dumps([entry.json_values for entry in found], allow_nan=False)
     for entry in found:
         texts = [text for text in entry.row.values() if isinstance(text, str)]
         assert not any("nan" in text.split() for text in texts), entry.id
@@ -275,7 +275,7 @@ def test_a_doctored_cube_changes_its_own_entries_and_no_others(found, name):
                 "all settings" in before.what
             )
             assert after.got != before.got
-        if before.record != after.record:
+        if before.json_values != after.json_values:
             changed.add(before.id)
         if before.verdict != after.verdict:
             assert before.id in figures | of_trends
@@ -297,7 +297,7 @@ def test_without_a_cube_its_entries_are_undefined_for_that_reason(found):
             assert (after.stated, after.href, after.counted) == (
                 before.stated, before.href, before.counted)  # fmt: skip
         else:
-            assert after.record == before.record
+            assert after.json_values == before.json_values
     table = LedgerTable(data={"rows": [entry.row for entry in made]})
     assert any(row["ratio"] is None for row in table.data["rows"])  # in place of what is no number
     told = ledger.format_report(made).split("undefined:")[1]
@@ -433,12 +433,12 @@ def test_entries_come_back_from_their_cube(found, cube, other_readings, tmp_path
     storage.write_netcdf(cube, tmp_path / "claims.nc")
     for made in (cube, cube_file.read_cube(tmp_path / "claims.nc")):
         back = ledger.from_cube(made)
-        assert [entry.record for entry in back] == [entry.record for entry in found]
+        assert [entry.json_values for entry in back] == [entry.json_values for entry in found]
         for one, other in zip(back, found, strict=True):
             assert (one.modes, one.counted) == (other.modes, other.counted)
     undefined = compute.judge_claims(lambda study: "no cube", {})
     back = ledger.from_cube(ledger.as_cube(undefined, other_readings))
-    assert [entry.record for entry in back] == [entry.record for entry in undefined]
+    assert [entry.json_values for entry in back] == [entry.json_values for entry in undefined]
     for name, variable in other_readings.variables.items():
         xr.testing.assert_identical(cube.variables[name], variable)
     table = cubes.summarise_errors(cube)

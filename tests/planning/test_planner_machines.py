@@ -56,13 +56,13 @@ def digits(monkeypatch):
 
             return call
 
-        monkeypatch.setattr(errors, "image_jacobian", noisy(JACOBIAN))
+        monkeypatch.setattr(errors.triangulation, "image_jacobian", noisy(JACOBIAN))
         monkeypatch.setattr(positions.pinhole, "hemisphere_rotations", noisy(ROTATIONS))
 
     return change
 
 
-JACOBIAN, ROTATIONS = errors.image_jacobian, positions.pinhole.hemisphere_rotations
+JACOBIAN, ROTATIONS = errors.triangulation.image_jacobian, positions.pinhole.hemisphere_rotations
 
 
 def layouts(scene, objective="mean"):

@@ -24,8 +24,7 @@ from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
 from thesis_lib.acoustics.radiation import outgoing_wave
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, camera_pairs, data_folder
-from thesis_lib.vibration import structure as structures
-from thesis_lib.vibration.structure import cantilever_roots
+from thesis_lib.vibration import structure, structure as structures
 from thesis_lib.vision.optics import angle_of_view, picture_height
 from thesis_lib.vision.pinhole import hemisphere_directions, pixelate, project
 
@@ -306,7 +305,7 @@ def _equations(n_cameras: float) -> int:
 
 def _sine_factor() -> float:
     """Return the factor c of sin(kx) in eq. 3.4 from the derivatives at the clamp."""
-    k = cantilever_roots(1)[0] / THESIS_BEAM.length
+    k = structure.cantilever_roots(1)[0] / THESIS_BEAM.length
     slope, third = (THESIS_BEAM.mode_shapes([1], [[0.0], [0.0]], n)[0, 0] for n in (1, 3))
     return float((slope * k**2 - third) / (slope * k**2 + third))  # slope k²/third = (1+c)/(1-c)
 
@@ -350,7 +349,7 @@ CORRECT_VALUES: dict[str, Callable[..., float]] = {
     **BOOKKEEPING,
     "view": lambda focal, *sides: math.degrees(angle_of_view(math.hypot(*sides), focal)),
     "axes": _axes_angle,
-    "root": lambda n: cantilever_roots(n)[-1],
+    "root": lambda n: structure.cantilever_roots(n)[-1],
     "sine_factor": _sine_factor,
     "mixed_term": _factor_of_mixed_term,
     "instant": lambda: abs(math.cos(np.angle(_at_resonance()))),

@@ -14,8 +14,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.registry import FIGURE_SETS
-from thesis_lib.plotting import panels
-from thesis_lib.plotting.style import figure_svg, in_style
+from thesis_lib.plotting import panels, style
 from thesis_lib.studies.cubes import iterate_slices, trials_are
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import describe_study
@@ -27,13 +26,13 @@ _PICTURE_CALL = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 def draw_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the figure of one case, or layout, and mode of a cube."""
     name = cube.attrs["figure_set"]
-    with in_style():
+    with style.in_style():
         return getattr(figures_module(name), FIGURE_SETS[name].figure)(cube, case, mode)
 
 
 def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
     """Return the figure of one case and mode as SVG; the same cube gives the same text."""
-    return figure_svg(draw_figure(cube, case, mode))
+    return style.figure_svg(draw_figure(cube, case, mode))
 
 
 def draw_picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
@@ -42,7 +41,7 @@ def draw_picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
     `which` is what else it is given, such as a mode; it draws nothing of a mode that was not run.
     """
     of = str(cube.attrs["figure_set"])
-    with in_style(picture_style(of)):
+    with style.in_style(picture_style(of)):
         return getattr(figures_module(of), name)(cube, *which)
 
 

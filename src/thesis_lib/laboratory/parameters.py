@@ -19,8 +19,7 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.files import shipped
-from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study, peaks_m
+from thesis_lib.studies import fields, request
 from thesis_lib.vibration.motion import alias_clearance
 from thesis_lib.vibration.structure import Structure, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
@@ -69,10 +68,10 @@ class RenderParameters(CameraParameters):
     def peaks_m(self) -> list[float]:
         """Return the largest deflection of each mode in m."""
         own: Any = self
-        return peaks_m(own.structure, own.modes, own.amplitude_mm)
+        return request.peaks_m(own.structure, own.modes, own.amplitude_mm)
 
 
-class RenderedStudy(Study):
+class RenderedStudy(request.Study):
     """A study whose data are rendered recordings (:mod:`thesis_lib.laboratory.experiment`)."""
 
     subject = "lab"

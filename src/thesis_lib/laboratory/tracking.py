@@ -18,9 +18,7 @@ import scipy
 import xarray as xr
 
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
-from thesis_lib.laboratory import rig as rigs
-from thesis_lib.laboratory.recording_files import render_board_images
-from thesis_lib.laboratory.render import BeamView
+from thesis_lib.laboratory import recording_files, render, rig as rigs
 from thesis_lib.laboratory.rig import Rig, Station
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
@@ -90,7 +88,7 @@ def track_camera(
     that is no box. All is NaN if it does not find the markers in its first frame.
     """
     station, markers = rig.stations[index], rig.markers
-    scene = BeamView(station.camera, markers, rig.motion, station.sensor, corners)
+    scene = render.BeamView(station.camera, markers, rig.motion, station.sensor, corners)
     times = frame_times(rig, station)
     centres = np.full((len(times), 2, markers.count), np.nan)
     turn = 2 * np.pi * min(part.frequency for part in rig.motion.components) / station.frame_rate
@@ -194,7 +192,7 @@ def calibrate_rig(rig: Rig) -> Adjustment:
     """
     found: list[list[Array | None]] = [[] for _ in rig.stations]
     for index, row in enumerate(found):
-        for image in render_board_images(rig, index):
+        for image in recording_files.render_board_images(rig, index):
             try:
                 row.append(find_corners(image, rig.board))
             except BoardNotFound:

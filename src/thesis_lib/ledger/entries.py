@@ -23,10 +23,9 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Claim, StatedNumber, Trend, read_numbers, read_reasons
 from thesis_lib.ledger import trends as ledger_trends, verdicts
 from thesis_lib.ledger.verdicts import VERDICTS, Series
-from thesis_lib.studies import cubes, schema
-from thesis_lib.studies.request import Study, study_command
+from thesis_lib.studies import cubes, request, schema
 
-Opener = Callable[[Study], "xr.Dataset | str"]
+Opener = Callable[[request.Study], "xr.Dataset | str"]
 THESIS_CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
 RENDERED_SETS = ("experiment", "lab")  # judged by recordings that were rendered, not filmed
 NAN = float("nan")
@@ -82,7 +81,7 @@ class Entry:
     step_back: str = ""
 
     @property
-    def record(self) -> dict[str, object]:
+    def json_values(self) -> dict[str, object]:
         """Return all fields as JSON values: None where there is no number."""
         values = vars(self) | {"modes": list(self.modes)}
         none = {n: None for n, v in values.items() if isinstance(v, float) and not np.isfinite(v)}
@@ -92,7 +91,7 @@ class Entry:
     def row(self) -> dict[str, object]:
         """The fields that the table of the page shows: of the numbers the ratio alone."""
         hidden = {n for n, v in vars(self).items() if isinstance(v, float)} - {"ratio"}
-        return {name: value for name, value in self.record.items() if name not in hidden}
+        return {name: value for name, value in self.json_values.items() if name not in hidden}
 
 
 _COLUMN_NAMES = {"id": "claim", "chapter": "claim_chapter"}  # else those of the fields
@@ -128,7 +127,7 @@ def from_cube(cube: xr.Dataset) -> list[Entry]:
 def list_entries(
     open_cube: Opener,
     own: Mapping[str, Sequence[Series]],
-    studies: Mapping[str, type[Study]],
+    studies: Mapping[str, type[request.Study]],
     commands: Mapping[str, Sequence[str]],
 ) -> list[Entry]:
     """Return the whole ledger, in the order of the thesis.
@@ -158,7 +157,7 @@ def list_entries(
     for trend in claims.read_trends():
         made = [command for name in trend.source for command in commands.get(name, [])]
         sets = [name for name in trend.source if name in studies]
-        made += [study_command(studies[name]()) for name in sets]
+        made += [request.study_command(studies[name]()) for name in sets]
         found.append(_trend(trend, [series_of(name) for name in trend.source], sets, made))
     found += [_number(number) for number in read_numbers()]
     return sorted(found, key=lambda entry: entry.chapter)

@@ -264,7 +264,7 @@ def _results_folder(
         yield part
         if inputs is not None:  # else the report is a part of another one
             storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
-            report.write(part)
+            report.write_files(part)
         if radiated is not None:
             write_sound(part, radiated)
         put_files(part, out)

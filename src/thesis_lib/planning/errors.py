@@ -18,8 +18,7 @@ import numpy as np
 from thesis_lib.arrays import Array, Mask, NDArray
 from thesis_lib.planning import positions
 from thesis_lib.planning.positions import Scene
-from thesis_lib.vision import pinhole, rounding, simulation
-from thesis_lib.vision.triangulation import UPPER_INDICES, image_jacobian, triangulation_gain
+from thesis_lib.vision import pinhole, rounding, simulation, triangulation
 
 ROUNDING_VARIANCE_PX2 = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
 AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the deflection asked for is averaged
@@ -79,7 +78,7 @@ def average_predicted(scene: Scene, layout: Array, width: int) -> float:
     """
 
     def average(P: Array, rest: Array, deflected: Array, normals: Array) -> Array:
-        g = np.sum(triangulation_gain(P, rest) * normals[:, None, None], axis=0)
+        g = np.sum(triangulation.triangulation_gain(P, rest) * normals[:, None, None], axis=0)
         moved = pinhole.project(P, deflected) - pinhole.project(P, rest)
         variance = rounding.mean_difference_variance(moved, *AMPLITUDE_RANGE)
         return np.asarray(np.sum(g**2 * variance, axis=(0, 1)))
@@ -149,12 +148,15 @@ def place_information(scene: Scene, places: Array) -> Array:
         Entries xx, xy, xz, yy, yz, zz in 1/m², z along the normal; 0 where it is not seen.
     """
     seen = positions.visible_markers(scene, places)
-    J = image_jacobian(positions.place_cameras(scene, places).P, scene.body.points)
+    J = triangulation.image_jacobian(positions.place_cameras(scene, places).P, scene.body.points)
     x, y, z = np.moveaxis(marker_axes(scene.body.normals), 2, 0).swapaxes(1, 2).copy()
     # term by term: einsum takes seven times as long
     own = J[:, :, None, 0] * x + J[:, :, None, 1] * y + J[:, :, None, 2] * z
     u, v = own[:, 0], own[:, 1]
-    products = [u[:, i] * u[:, j] + v[:, i] * v[:, j] for i, j in zip(*UPPER_INDICES, strict=True)]
+    products = [
+        u[:, i] * u[:, j] + v[:, i] * v[:, j]
+        for i, j in zip(*triangulation.UPPER_INDICES, strict=True)
+    ]
     return np.stack(products) * seen
 
 

@@ -22,8 +22,7 @@ from thesis_lib.files import check_outputs, put_files, staging
 from thesis_lib.planning import errors, structure_file
 from thesis_lib.planning.planner import Plan, as_cube, camera_table, plan
 from thesis_lib.planning.request import PlanRequest
-from thesis_lib.plotting import style
-from thesis_lib.plotting.panels import project_parallel
+from thesis_lib.plotting import panels, style
 from thesis_lib.plotting.style import HIGHLIGHT_COLOR, cycle_color, in_style, subplots
 from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.request import changed_parameters, join_command
@@ -39,7 +38,7 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
     """Draw the cameras of one option in a parallel projection from a direction in degrees."""
 
     def to_plane(points: Any) -> Array:
-        return 1000 * project_parallel(points, azimuth, elevation)
+        return 1000 * panels.project_parallel(points, azimuth, elevation)
 
     outline, where = (_finite(part[name].values) for name in ("outline", "camera_position"))
     centre = (outline.max(axis=0) + outline.min(axis=0)) / 2

@@ -13,8 +13,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.planning.positions import Body, body_of
-from thesis_lib.studies import schema, storage
-from thesis_lib.studies.request import ParameterError
+from thesis_lib.studies import request, schema, storage
 from thesis_lib.text import has_hidden, one_line
 from thesis_lib.vibration.structure import Structure
 
@@ -29,7 +28,7 @@ MARKERS_ONLY = "the markers, not all nodes of a mesh"
 NEEDED_FILE = "a netCDF file with x, y, z, shape and frequency"
 
 
-class MeshError(ParameterError):
+class MeshError(request.ParameterError):
     """A structure file that is not one; the message is one line."""
 
 
@@ -69,7 +68,7 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     numbers = given.tolist()
     if not set(modes) <= set(numbers):
         allowed = f"modes that {path} has: {one_line(', '.join(map(str, numbers)))}"
-        raise ParameterError(f"plan: modes: given {list(modes)}, allowed: {allowed}")
+        raise request.ParameterError(f"plan: modes: given {list(modes)}, allowed: {allowed}")
     rows = [numbers.index(mode) for mode in modes]
     peak = np.max(np.abs(shapes[rows]), axis=1)
     if np.any(peak <= 0):

@@ -17,8 +17,7 @@ import xarray as xr
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.claims import Claim, claims_of
 from thesis_lib.plotting.style import BEST_COLOR, CYCLE_COLORS, DIVERGING_COLORS, WORST_COLOR
-from thesis_lib.studies import cubes, schema
-from thesis_lib.studies.fields import unit_of_field
+from thesis_lib.studies import cubes, fields, schema
 
 
 def select_settings(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
@@ -232,7 +231,11 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     modes = zip(cube["mode"].values.tolist(), hertz, strict=True)
     data: dict[str, Any] = {
         "structure": {"kind": kind, **size},
-        "parameter": {"name": varied, "label": said["varied_label"], "unit": unit_of_field(varied)},
+        "parameter": {
+            "name": varied,
+            "label": said["varied_label"],
+            "unit": fields.unit_of_field(varied),
+        },
         "modes": [{"mode": mode, "frequency_hz": round(hertz, 3)} for mode, hertz in modes],
         "words": {"draws": said["draws"], "predicts": said["predicts"]},
         "colors": list(CYCLE_COLORS),

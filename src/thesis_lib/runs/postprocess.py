@@ -13,11 +13,10 @@ from urllib.parse import quote
 
 import xarray as xr
 
-from thesis_lib import __version__
+from thesis_lib import __version__, templates
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.studies.effort import Effort
 from thesis_lib.studies.request import Study, changed_parameters, study_command
-from thesis_lib.templates import escape_markdown
 from thesis_lib.web.html import render_html
 
 DATA_FOLDER = "data"
@@ -71,7 +70,9 @@ def figure_cell(name: str, **metadata: Any) -> Any:
 
 def figure_metadata(name: str, caption: str, alt: str, **_: Any) -> dict[str, Any]:
     """Return the metadata that make a figure of a cell's picture."""
-    words = {"figure": {"name": name, "caption": escape_markdown(caption)}} if caption else {}
+    words = (
+        {"figure": {"name": name, "caption": templates.escape_markdown(caption)}} if caption else {}
+    )
     return {**words, "image": {"alt": alt}}
 
 

@@ -17,14 +17,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib import __version__
+from thesis_lib import __version__, files
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.arrays import Array, IntArray, NDArray, stack_padded
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
-from thesis_lib.files import NoCloneError, library_digest, project_root
-from thesis_lib.studies import cubes, effort, fields
-from thesis_lib.studies.request import Study
+from thesis_lib.studies import cubes, effort, fields, request
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Structure
 
@@ -172,7 +170,7 @@ def camera_places(settings: list[Setting]) -> dict[str, Any]:
 
 
 def study_coordinates(
-    study: Study, modes: Sequence[int], structure: Structure, settings: list[Setting]
+    study: request.Study, modes: Sequence[int], structure: Structure, settings: list[Setting]
 ) -> dict[str, Any]:
     """Return the coordinates of a study's cube: settings, modes, trials, points."""
     x, y = structure.markers
@@ -209,16 +207,16 @@ RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 def _commit() -> str:
     """Commit of the checkout, with a plus sign if it has changes; `unknown` elsewhere."""
     try:  # where there is no checkout, a commit would be of whatever the package lies in
-        command = ["git", "-C", str(project_root()), "describe", "--always", "--abbrev=12"]
+        command = ["git", "-C", str(files.project_root()), "describe", "--always", "--abbrev=12"]
         command += ["--dirty=+", "--exclude=*"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=10)
-    except (NoCloneError, OSError, subprocess.TimeoutExpired):
+    except (files.NoCloneError, OSError, subprocess.TimeoutExpired):
         return "unknown"
     return done.stdout.strip() or "unknown"
 
 
 def with_provenance(
-    cube: xr.Dataset, study: Study, seconds: float, library: str = ""
+    cube: xr.Dataset, study: request.Study, seconds: float, library: str = ""
 ) -> xr.Dataset:
     """Return the cube with attributes that say what it is and how it was made.
 
@@ -236,12 +234,12 @@ def with_provenance(
         run_dependent=" ".join(RUN_DEPENDENT),
         run_time_s=np.float64(seconds),
         peak_memory_mb=np.float64(effort.peak_memory_mb()),
-        library_sha256=library or library_digest(),
+        library_sha256=library or files.library_digest(),
     )
     return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
 
 
-def describe_study(cube: xr.Dataset, study: Study) -> xr.Dataset:
+def describe_study(cube: xr.Dataset, study: request.Study) -> xr.Dataset:
     """Add the words of a study and its settings: titles, numbers in the thesis, outline.
 
     The outline is closed curves (corner, xy) in world X and Y in m, a row of NaN after each: that

@@ -15,15 +15,14 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.arrays import Array, ArrayLike, Mask
-from thesis_lib.vibration import finite_elements, polygons
-from thesis_lib.vibration.structure import Sheet, cell_centres, mode_numbers
+from thesis_lib.vibration import finite_elements, polygons, structure
 
 MODES_PER_BATCH = 10  # modes found at a time
 ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it
 
 
 @dataclass(frozen=True)
-class Panel(Sheet):
+class Panel(structure.Sheet):
     """Thin plate with a polygonal outline and holes.
 
     Raises
@@ -98,7 +97,7 @@ class Panel(Sheet):
     @property
     def markers(self) -> Array:
         """Centres of the cells that are on the panel, shape (2, markers), in m; x runs fastest."""
-        centres = cell_centres(self.grid, self.extent)
+        centres = structure.cell_centres(self.grid, self.extent)
         return centres[:, self.covers(centres)]
 
     @property
@@ -136,7 +135,7 @@ class Panel(Sheet):
         Their mean square over the panel is 1, and their signs are those of
         :func:`thesis_lib.vibration.finite_elements.plate_modes`.
         """
-        numbers, points = mode_numbers(modes), np.asarray(points, float)
+        numbers, points = structure.mode_numbers(modes), np.asarray(points, float)
         flat = points.reshape(2, -1)
         values = np.full((len(numbers), flat.shape[1]), np.nan)
         on = self.covers(flat)

@@ -50,8 +50,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.arrays import Array, ArrayLike, Mask
-from thesis_lib.vision import triangulation
-from thesis_lib.vision.pinhole import project
+from thesis_lib.vision import pinhole, triangulation
 
 LEAST_PX = 1e-3  # noise that is assumed at least: slabs have thin walls
 _BLOCK_VALUES = 8000  # camera × point values per block: intermediate results stay in cache
@@ -130,7 +129,9 @@ def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tup
     about[:2] = start[:2].mean(axis=1, keepdims=True)
     J = triangulation.image_jacobian(P, about.reshape(3, -1))
     J = J.reshape(-1, 3, frames * m).swapaxes(0, 1)
-    middle = (pixels - project(P, about)).reshape(J.shape[1:])  # of the pixels, from `about`
+    middle = (pixels - pinhole.project(P, about)).reshape(
+        J.shape[1:]
+    )  # of the pixels, from `about`
     squares = np.stack([J[i] * J[j] for i, j in zip(*triangulation.UPPER_INDICES, strict=True)])
     variance = max(sigma, LEAST_PX) ** 2
     tau = np.full(middle.shape, 1 / (variance + 1 / 12))

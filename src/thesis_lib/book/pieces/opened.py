@@ -17,8 +17,7 @@ from typing import Any
 
 import xarray as xr
 
-from thesis_lib.figure_sets import cube_file, display
-from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.figure_sets import cube_file, display, registry
 from thesis_lib.files import whole_file, whole_text
 from thesis_lib.runs.postprocess import figure_cell, figure_metadata
 from thesis_lib.templates import escape_markdown, render
@@ -50,7 +49,9 @@ def build_failure_page(source: Path, name: str, reason: str) -> Any:
         if cell.cell_type == "markdown":
             cells.append(cell)
             continue
-        for number, caption in enumerate(display.list_captions(STUDIES[name](), cell.source), 1):
+        for number, caption in enumerate(
+            display.list_captions(registry.STUDIES[name](), cell.source), 1
+        ):
             words = figure_metadata(caption.name, caption.text, _PLACEHOLDER_TEXT)
             place = figure_cell(f"{cell.id}-{number}", mystnb=words)
             place.outputs = [nbformat.v4.new_output("display_data", {"image/svg+xml": image})]
@@ -86,7 +87,7 @@ class MissingCubeError(KeyError):
 
 def of_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
     """Return the cubes of a subject, such as ``beam``."""
-    return [opened[name] for name, study in STUDIES.items() if study.subject == subject]
+    return [opened[name] for name, study in registry.STUDIES.items() if study.subject == subject]
 
 
 def read_once(path: Path) -> xr.Dataset:

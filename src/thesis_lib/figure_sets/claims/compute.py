@@ -43,8 +43,7 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 from thesis_lib.files import cache_folder
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_differences, list_entries
-from thesis_lib.studies import cubes, storage, workers
-from thesis_lib.studies.request import Study, study_command
+from thesis_lib.studies import cubes, request, storage, workers
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration import structure as structures
 from thesis_lib.vision.pinhole import hemisphere_directions
@@ -63,14 +62,14 @@ OWN_COORDINATES = ("source", "quantity", "case", "mode")  # of a series
 class Source:
     """Studies to run, and how their errors are read."""
 
-    requests: tuple[Study, ...]  #: What to run
+    requests: tuple[request.Study, ...]  #: What to run
     #: From the number of a request, a case and a varied value to case and value of a series
     place: Callable[[int, str, float], tuple[str, float]]
 
     @property
     def commands(self) -> list[str]:
         """Commands that build the same cubes."""
-        return [study_command(study) for study in self.requests]
+        return [request.study_command(study) for study in self.requests]
 
     def read(self, made: Iterable[xr.Dataset]) -> list[verdicts.Series]:
         """Return the series of the requests' cubes, in their order."""
@@ -214,7 +213,7 @@ def reading_parameters(reading: Reading, figure_set: str) -> dict[str, Any]:
 def format_command(reading: Reading) -> str:
     """Return the command that runs chapter 3 under an interpretation."""
     study = camera_study("beam-arrays", reading_parameters(reading, "beam-arrays"))
-    return study_command(study).replace("beam-arrays", "ch3", 1)
+    return request.study_command(study).replace("beam-arrays", "ch3", 1)
 
 
 def measure_claimed(study: CameraStudy) -> xr.Dataset:

@@ -19,8 +19,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.studies.schema import label_values, list_quantities, read_variables
 from thesis_lib.vibration.structure import world_points
-from thesis_lib.vision import cone_law, dither, pinhole, rounding, simulation
-from thesis_lib.vision.triangulation import point_covariance, triangulate, triangulation_gain
+from thesis_lib.vision import cone_law, dither, pinhole, rounding, simulation, triangulation
 
 CHAPTER_PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
 MOTIONS_PX = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
@@ -118,7 +117,7 @@ def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
         scale = 100 / np.abs(deflections).max(axis=1)
         for setting in request.settings():
             P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
-            squares = np.sum(triangulation_gain(P, points)[2] ** 2, axis=(0, 1))
+            squares = np.sum(triangulation.triangulation_gain(P, points)[2] ** 2, axis=(0, 1))
             each = np.mean(squares, axis=-1) / 12
             naive.append(scale * np.sqrt(each[1:] + each[0]))
     return {
@@ -141,8 +140,10 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
     for angle in np.radians(CONE_ANGLES_DEG):
         P = cone_law.cone_cameras(distance, angle, n, focal, study.resolution_px).P
         closed.append(cone_law.cone_covariance(distance, focal, n, angle))
-        exact.append(point_covariance(P, np.zeros(3), cone_law.MOTION_PX))
-        found = triangulate(P, pinhole.pixelate(pinhole.project(P, points) + shift) - shift)
+        exact.append(triangulation.point_covariance(P, np.zeros(3), cone_law.MOTION_PX))
+        found = triangulation.triangulate(
+            P, pinhole.pixelate(pinhole.project(P, points) + shift) - shift
+        )
         drawn.append(simulation.rms_with_std((found[:, 1] - found[:, 0] - moved).T))
     variances = np.diagonal(closed, axis1=1, axis2=2)
     scale = np.sqrt(variances[:, :, None] * variances[:, None])

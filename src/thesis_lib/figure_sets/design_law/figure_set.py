@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 from thesis_lib.arrays import Array, NDArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study, distance_limit
+from thesis_lib.studies import fields, request
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
 
 LEAST_PX = 16  # width of a sensor
@@ -19,7 +18,7 @@ FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared 
 Count = Annotated[fields.Whole, Field(ge=2, le=100)]
 
 
-class DesignLaw(Study):
+class DesignLaw(request.Study):
     """The law of rounding, its closed forms, the thesis's findings and its central claim."""
 
     name = "design-law"
@@ -86,7 +85,9 @@ class DesignLaw(Study):
         bodies = setups.thesis_beam(), setups.thesis_plate()
         farther = max(1000 * math.hypot(*body.extent) / 2 for body in bodies) + peak
         if self.cone_distance_mm <= farther:
-            fields.refuse_value("cone_distance_mm", self.cone_distance_mm, distance_limit(farther))
+            fields.refuse_value(
+                "cone_distance_mm", self.cone_distance_mm, request.distance_limit(farther)
+            )
         width = self.shared[0]
         if width.min() < LEAST_PX or width.max() > 20_000:
             why = f"allowed: rates that leave each camera a sensor {LEAST_PX} to 20000 px wide"

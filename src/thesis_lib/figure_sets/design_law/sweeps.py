@@ -10,9 +10,8 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.vibration.structure import Structure, deflection_shape, world_points
-from thesis_lib.vision import cone_law, rounding, triangulation
+from thesis_lib.vision import cone_law, rounding, simulation, triangulation
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, pixelate, project
-from thesis_lib.vision.simulation import fit_exponent, rms_with_std
 
 SWEPT_MODES = (1, 2, 3)
 STRUCTURES: dict[str, Callable[[], Structure]] = {
@@ -133,7 +132,7 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
                 low = finding == "elevation"
                 base = np.cos(np.radians(values[f, s])) if low else values[f, s]
                 for kind, powers in exponents.items():
-                    powers[f, s] = fit_exponent(base, errors[kind][f, s])
+                    powers[f, s] = simulation.fit_exponent(base, errors[kind][f, s])
         # Every degree: with amplitudes as they are the law has many dips
         apertures = np.arange(10.0, 181.0)
         tried = [step_rig(study, name, "aperture", one)[0] for one in (*apertures, WIDE_DEG)]
@@ -166,7 +165,9 @@ def fit_arrays(study: DesignLaw) -> dict[str, ArrayLike]:
             grown = [setting for setting in settings if setting.case == case]
             lens = study.focal_length_mm, study.sensor_width_mm
             errors = [predicted_rms(one.cameras(*lens), points) for one in grown]
-            found[c, s] = fit_exponent([len(one.directions_deg) for one in grown], errors)
+            found[c, s] = simulation.fit_exponent(
+                [len(one.directions_deg) for one in grown], errors
+            )
     return {"array_exponent": found}
 
 
@@ -201,7 +202,7 @@ def pair_errors(study: DesignLaw) -> dict[str, ArrayLike]:
         rounded = pixelate(images + shift) - shift
         for found, seen in ((drawn, rounded), (drawn_noisy, images + noise)):
             height = triangulation.triangulate(P, seen)[2]
-            found[:, *at] = rms_with_std(height[1] - height[0] - moved[2, 1])
+            found[:, *at] = simulation.rms_with_std(height[1] - height[0] - moved[2, 1])
         closed[at] = cone_law.pair_deflection_error(distance, focal, opening, tilt)
         noisy[at] = cone_law.pair_noise_error(distance, focal, opening, tilt)
     return {

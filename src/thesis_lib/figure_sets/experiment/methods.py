@@ -14,8 +14,7 @@ import xarray as xr
 from thesis_lib.arrays import Array, IntArray, stack_padded
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.figure_set import Way
-from thesis_lib.measure.calibration import rig
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
+from thesis_lib.measure.calibration import bundle_adjustment, rig
 from thesis_lib.measure.fitting import harmonics as fits, reconstruction as rc
 from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.recordings.manifest import Manifest
@@ -30,7 +29,7 @@ RECORDING_VARIABLES = read_variables(__file__, "recording")
 
 
 @rig.single_threaded_opencv()
-def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
+def calibrate_centrally(corners: Array, manifest: Manifest) -> bundle_adjustment.Adjustment:
     """Calibrate as the thesis does (Appendices D and E), from corners in px.
 
     By Zhang's method on the central 5 × 7 squares; then all poses are refined in common, in the
@@ -43,7 +42,7 @@ def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
         rig.calibrate_camera(list(own), small, camera.size, camera.name).lens
         for own, camera in zip(used, manifest.cameras, strict=True)
     ]
-    return adjust_bundle(used, small.corners, cameras, lenses=False)
+    return bundle_adjustment.adjust_bundle(used, small.corners, cameras, lenses=False)
 
 
 def measure_recordings(

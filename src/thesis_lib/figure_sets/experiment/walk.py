@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from thesis_lib import files
+from thesis_lib import files, templates
 from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute, figure_set, figures, methods
@@ -31,7 +31,6 @@ from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.tracking import follow, tracker
 from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
-from thesis_lib.templates import render
 from thesis_lib.vibration.motion import Component
 
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
@@ -394,7 +393,9 @@ TEXT_VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
 
 def fill_text(data: xr.Dataset, name: str) -> str:
     """Fill in a table or paragraph of the page."""
-    return render(__file__, name, data=data, slices=iterate_slices, **TEXT_VALUES[name](data))
+    return templates.render(
+        __file__, name, data=data, slices=iterate_slices, **TEXT_VALUES[name](data)
+    )
 
 
 def write_all(folder: Path) -> None:

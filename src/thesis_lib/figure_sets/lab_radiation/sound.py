@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from thesis_lib.acoustics import estimates, planes, radiation
-from thesis_lib.acoustics.surfaces import Surface
+from thesis_lib.acoustics import estimates, planes, radiation, surfaces
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation
@@ -169,7 +168,7 @@ def true_sound(
     return power, power / plain, _pressure_matrix(surface, *of) @ q
 
 
-def _pressure_matrix(surface: Surface, moving: Array, *of: Any) -> ComplexArray:
+def _pressure_matrix(surface: surfaces.Surface, moving: Array, *of: Any) -> ComplexArray:
     """Return the pressure on :data:`PRESSURE_PLANE` by what moves the nodes."""
     return surface.pressure_matrix(moving, PRESSURE_PLANE.points.reshape(3, -1), *of)
 
@@ -213,9 +212,9 @@ class MarkerSound:
         return float(np.sqrt(np.sum(self._squares * shape.covariance)))
 
 
-def _surface(own: Driven, nodes: int) -> Surface:
+def _surface(own: Driven, nodes: int) -> surfaces.Surface:
     x, y = own.structure.extent
-    return Surface.from_outline(np.array(own.corners), nodes, (x / 2, y / 2))
+    return surfaces.Surface.from_outline(np.array(own.corners), nodes, (x / 2, y / 2))
 
 
 TAP_DAMPING = (0.010, 0.006, 0.004)  # of the modes that ring

@@ -7,14 +7,13 @@ from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study, distance_limit
+from thesis_lib.studies import fields, request
 
 MAX_DISTANCE_RATIO = 4  # of the largest of the distances, to which curves go
 PictureWidth = Literal[1280, 640, 320, 256, 160, 128, 80, 64, 32, 16]
 
 
-class Cameras(Study):
+class Cameras(request.Study):
     """Lenses, sensors, pixels, projections and a parallel pair (chapter 2, Appendices A–C)."""
 
     name = "cameras"
@@ -88,7 +87,7 @@ class Cameras(Study):
         reach = 1000 * math.hypot(*self.structure.extent) / 2
         for distance in self.distances_mm:
             if distance <= reach:
-                fields.refuse_value("distances_mm", distance, distance_limit(reach))
+                fields.refuse_value("distances_mm", distance, request.distance_limit(reach))
         if self.focal_length_mm >= min(self.distances_mm):
             self.refuse("focal_length_mm", "allowed: less than the nearest of distances_mm")
         return self

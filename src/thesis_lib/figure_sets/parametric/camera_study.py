@@ -9,8 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study, distance_limit, peaks_m
+from thesis_lib.studies import fields, request
 from thesis_lib.vision.pinhole import hemisphere_directions
 from thesis_lib.vision.simulation import LEAST_SQUARES
 
@@ -33,7 +32,7 @@ MAX_MEMORY_BYTES = 2 * 2**30
 BYTES_PER_DEFLECTION = 16  # in single precision, with the copies that rounding and writing make
 
 
-class CameraStudy(Study):
+class CameraStudy(request.Study):
     """Parameters that all camera studies share; they default to what the beam's studies use."""
 
     hints = dict.fromkeys(("cameras", "n_cameras"), CAMERAS_HINT)
@@ -86,7 +85,7 @@ class CameraStudy(Study):
     @property
     def peaks_m(self) -> list[float]:
         """Return the peak deflection of each mode in m."""
-        return peaks_m(self.structure, self.modes, self.amplitude_mm)
+        return request.peaks_m(self.structure, self.modes, self.amplitude_mm)
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:
@@ -103,7 +102,7 @@ class CameraStudy(Study):
         name = "distances_mm" if "distances_mm" in type(self).model_fields else "distance_mm"
         for setting in settings:
             if setting.distance_mm <= reach:
-                fields.refuse_value(name, setting.distance_mm, distance_limit(reach))
+                fields.refuse_value(name, setting.distance_mm, request.distance_limit(reach))
         for setting in settings:
             directions = hemisphere_directions(*np.radians(setting.directions_deg).T)
             apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)

@@ -18,8 +18,7 @@ from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies import schema, workers
 from thesis_lib.vibration.structure import deflection_shape, world_points
-from thesis_lib.vision import rounding, simulation
-from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
+from thesis_lib.vision import pinhole, rounding, simulation
 
 
 def block_results(block: workers.Block, points: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -58,8 +57,10 @@ def block_results(block: workers.Block, points: Array, asked: Mapping[str, Any])
     return results | {
         "point_error": point[:, 0],
         "predicted_error": np.sqrt(np.mean(variance, axis=-1)) * scale,
-        "in_view": np.mean(on_sensor(project(cameras.P, points[:, 1:]), cameras.size)),
-        "ground_sample_distance": ground_sample_distance(cameras),
+        "in_view": np.mean(
+            pinhole.on_sensor(pinhole.project(cameras.P, points[:, 1:]), cameras.size)
+        ),
+        "ground_sample_distance": pinhole.ground_sample_distance(cameras),
     }
 
 

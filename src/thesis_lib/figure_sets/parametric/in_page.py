@@ -14,8 +14,7 @@ from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, CO
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.selection import LENS_FIELDS
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
-from thesis_lib.studies import cubes, fields
-from thesis_lib.studies.request import distance_limit
+from thesis_lib.studies import cubes, fields, request
 from thesis_lib.vibration.structure import Beam, Plate, Structure, cantilever_roots, peak_deflection
 
 COMPUTED_SETS = tuple(one for one in CAMERA_STUDIES if not one.startswith("sound"))
@@ -70,7 +69,7 @@ def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
         "colormap": list(DIVERGING_COLORS),
         "lens": list(LENS_FIELDS),
         "conditions": CAMERA_CONDITIONS
-        | {"reach": distance_limit("{}"), "places": COINCIDENT_TEXT},
+        | {"reach": request.distance_limit("{}"), "places": COINCIDENT_TEXT},
         "sets": {
             name: {
                 "subject": one.subject,

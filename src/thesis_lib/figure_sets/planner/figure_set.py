@@ -10,8 +10,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.planning.positions import places_at
 from thesis_lib.planning.request import Count, PlanRequest, Tilt
-from thesis_lib.studies import fields
-from thesis_lib.studies.request import Study
+from thesis_lib.studies import fields, request
 
 THESIS_QUESTIONS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
 # That of the plate is planned for its sound, too
@@ -39,7 +38,7 @@ def free_room(body: str) -> tuple[float, float]:
     return 50.0 * float(np.ceil(_reach(body) / 50 + 0.5)), 1500.0
 
 
-class Planner(Study):
+class Planner(request.Study):
     """Planned layouts of beam and plate beside those of the thesis, and what limits cost."""
 
     name = "planner"

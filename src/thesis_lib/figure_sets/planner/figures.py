@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.planner import compute, figure_set
 from thesis_lib.planning import errors, positions, report as plan_report
-from thesis_lib.plotting import style
-from thesis_lib.plotting.panels import project_parallel
+from thesis_lib.plotting import panels, style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 
@@ -188,7 +187,7 @@ def layouts(cube: xr.Dataset) -> Figure:
             panel.set_title(f"{question}, {words}".replace(": ", ":\n"), fontsize=7)
             plan_report.layout_panel(panel, part, azimuth, elevation)
             if obstacle:
-                face = 1000 * project_parallel(np.stack(corners, axis=1), azimuth, elevation)
+                face = 1000 * panels.project_parallel(np.stack(corners, axis=1), azimuth, elevation)
                 panel.fill(*face.T, color=style.HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
                 where: Any = {"fontsize": 8, "ha": "center", "va": "top"}
                 panel.annotate(obstacle, face[1], color=style.HIGHLIGHT_COLOR, **where)

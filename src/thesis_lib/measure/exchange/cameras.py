@@ -18,18 +18,15 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from thesis_lib import __version__
+from thesis_lib import __version__, templates
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
-from thesis_lib.measure.calibration import bundle_adjustment as bundle
-from thesis_lib.measure.calibration.rig import cameras_in
+from thesis_lib.measure.calibration import bundle_adjustment as bundle, rig
 from thesis_lib.measure.recordings import text_files
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES
-from thesis_lib.studies import cubes, storage
+from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.fields import format_given
-from thesis_lib.studies.schema import label_values, with_origin
-from thesis_lib.templates import render
 from thesis_lib.text import one_line
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
@@ -86,7 +83,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
             data = storage.open_netcdf(files[0])
             # Of lenses whose errors were unknown the covariance has zeros
             told = np.isfinite(data["focal_deviation"].values).all()
-            return Found(cameras_in(data), True, covariance_of(data) if told else None)
+            return Found(rig.cameras_in(data), True, covariance_of(data) if told else None)
         except (cubes.CubeError, KeyError):
             raise ManifestError(f"{files[0]}: no calibration of a measurement") from None
     cameras, placed = [], []
@@ -263,7 +260,7 @@ def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
         }
         for one in cameras
     ]
-    whole_text(path, render(__file__, f"cameras{path.suffix}.j2", cameras=described))
+    whole_text(path, templates.render(__file__, f"cameras{path.suffix}.j2", cameras=described))
 
 
 # A calibration that a manifest reuses, as a whole or its lenses.
@@ -318,7 +315,7 @@ def describe_reused(cameras: Sequence[Camera], covariance: Array | None) -> xr.D
     names = [one.name for one in cameras]
     key = storage.key_of([names, [value.tolist() for value in own.values()]])
     attrs = {"notes": "", "key": key}
-    return xr.Dataset(label_values(values, CALIBRATION_VARIABLES), {"camera": names}, attrs)
+    return xr.Dataset(schema.label_values(values, CALIBRATION_VARIABLES), {"camera": names}, attrs)
 
 
 def covariance_of(calibration: xr.Dataset) -> Array | None:
@@ -331,4 +328,4 @@ def to_keep(calibration: xr.Dataset) -> xr.Dataset:
     """Return the part of a calibration that another measurement can reuse, as its own dataset."""
     names = [*_CAMERA_VARIABLES, *_UNCERTAINTY_VARIABLES]
     own = calibration[names].drop_attrs(deep=False).assign_attrs(title="Calibrated cameras")
-    return with_origin(own, f"measurement by thesis_lib {__version__}")
+    return schema.with_origin(own, f"measurement by thesis_lib {__version__}")

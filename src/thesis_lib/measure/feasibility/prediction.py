@@ -16,10 +16,8 @@ from thesis_lib.arrays import Array, Mask
 from thesis_lib.files import whole_text
 from thesis_lib.measure.fitting.reconstruction import group_visible
 from thesis_lib.measure.messages import CHECK_LIMITS
-from thesis_lib.measure.recordings import template
-from thesis_lib.measure.recordings.board import Markers, on_surface
+from thesis_lib.measure.recordings import board, template, validation
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, validate_manifest
-from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision import optics, pinhole, rounding, triangulation
 
@@ -123,8 +121,8 @@ def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
     centres = optics[:, 2:3] / 1000 * directions
     rotations = pinhole.hemisphere_rotations(azimuth, elevation)
     P = pinhole.CameraArray(K, rotations, centres, cameras[0].size).P
-    X = on_surface(s.extent, s.marker_points)
-    corners = on_surface(s.extent, np.array(s.extent)[:, None] * [[0, 1, 1, 0], [0, 0, 1, 1]])
+    X = board.on_surface(s.extent, s.marker_points)
+    corners = board.on_surface(s.extent, np.array(s.extent)[:, None] * [[0, 1, 1, 0], [0, 0, 1, 1]])
     swing = np.repeat(X[:, None], 3, axis=1)
     swing[2] += amplitude * np.array([[-1.0], [0.0], [1.0]])
 
@@ -143,7 +141,7 @@ def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
     return PredictedView(optics, P, directions, X, depths, stay, inside, J, slide)
 
 
-def _least_gap(P: Array, markers: Markers) -> float:
+def _least_gap(P: Array, markers: board.Markers) -> float:
     """Return the least distance in px between the edges of two images, of markers and hole.
 
     Their centres are projected by P. Convex sets are apart by the most that their projections on
@@ -166,7 +164,7 @@ def predict_camera(
     manifest: Manifest, view: PredictedView, i: int, amplitude: float
 ) -> CameraPrediction:
     """Return the predicted performance of camera i, for an amplitude in m."""
-    camera, markers = manifest.cameras[i], markers_of(manifest)
+    camera, markers = manifest.cameras[i], validation.markers_of(manifest)
     diameter_mm = manifest.structure.markers.diameter_mm
     f, exposure = manifest.excitation.frequency_hz or np.nan, camera.exposure_s
     focal, sensor, distance, _, elevation = view.optics[i]

@@ -9,8 +9,7 @@ import scipy
 import xarray as xr
 
 from thesis_lib.arrays import Array, ArrayLike, stack_padded
-from thesis_lib.measure.fitting import errors, harmonics, result
-from thesis_lib.measure.fitting.reconstruction import Rest
+from thesis_lib.measure.fitting import errors, harmonics, reconstruction, result
 from thesis_lib.measure.modes import poles as fits, shapes as motions
 from thesis_lib.measure.modes.poles import Poles, TrackBlock
 from thesis_lib.measure.modes.shapes import Track
@@ -43,7 +42,7 @@ class Asked:
 
 
 def identify_modes(
-    tracks: Sequence[Track], rest: Rest, asked: Asked
+    tracks: Sequence[Track], rest: reconstruction.Rest, asked: Asked
 ) -> tuple[xr.Dataset, list[harmonics.Fitted]]:
     """Identify the modes in the tracks of every camera, in the order of their frequencies.
 
@@ -203,7 +202,11 @@ def _scale(block: TrackBlock, poles: Poles) -> Array:
 
 
 def _nearest_in_step(
-    tracks: Sequence[Track], blocks: Sequence[TrackBlock], poles: Poles, rest: Rest, asked: Asked
+    tracks: Sequence[Track],
+    blocks: Sequence[TrackBlock],
+    poles: Poles,
+    rest: reconstruction.Rest,
+    asked: Asked,
 ) -> tuple[Poles, list[list[tuple[float, float]]]]:
     """Return each mode at that of the frequencies that frames show alike with which cameras agree.
 

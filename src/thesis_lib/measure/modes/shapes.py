@@ -20,10 +20,9 @@ import numpy as np
 import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
-from thesis_lib.measure.fitting import harmonics
+from thesis_lib.measure.fitting import harmonics, reconstruction
 from thesis_lib.measure.fitting.errors import in_plane, restore_scatter
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
-from thesis_lib.measure.fitting.reconstruction import Rest
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
@@ -174,7 +173,10 @@ def mode_images(
 
 
 def estimate_shapes(
-    tracks: Sequence[Track], blocks: Sequence[fits.TrackBlock], poles: fits.Poles, rest: Rest
+    tracks: Sequence[Track],
+    blocks: Sequence[fits.TrackBlock],
+    poles: fits.Poles,
+    rest: reconstruction.Rest,
 ) -> tuple[list[Shape], list[Array]]:
     """Estimate the shape of every mode, and the scatter of each camera's tracks, px."""
     cameras = [track.camera for track in tracks]
@@ -201,7 +203,7 @@ def estimate_shapes(
 
 
 def remove_nonlinearity(
-    track: Track, found: Sequence[Shape], poles: fits.Poles, rest: Rest, zero: float
+    track: Track, found: Sequence[Shape], poles: fits.Poles, rest: reconstruction.Rest, zero: float
 ) -> Track:
     """Return the track without its non-linear part; `zero` is when e^{λt} is one, s.
 

@@ -24,10 +24,9 @@ from av.video.reformatter import ColorRange
 
 from thesis_lib.arrays import Array, ArrayLike, Image, IntArray, NDArray
 from thesis_lib.files import whole_file
-from thesis_lib.measure.recordings import media_info
+from thesis_lib.measure.recordings import media_info, text_files
 from thesis_lib.measure.recordings.manifest import IMAGE_SUFFIXES, find_images
 from thesis_lib.measure.recordings.media_info import MediaError, open_media, probe_media
-from thesis_lib.measure.recordings.text_files import TextFileError, read_text
 from thesis_lib.studies.fields import format_given
 
 MAX_SAMPLED_PICTURES = 50  # of a folder, in which the brightest grey level is looked for
@@ -299,8 +298,8 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
     """Return the rate and frames of a header of Photron's and the raw file beside it."""
     media_info.check_is_file(header)
     try:
-        text = read_text(header, errors="replace")
-    except TextFileError as error:
+        text = text_files.read_text(header, errors="replace")
+    except text_files.TextFileError as error:
         raise MediaError(f"{header}: {error}") from None
     xml = header.suffix == ".cihx"
     pattern = r"<(\w+)>([^<]+)</\1>" if xml else r"^(.+?) : (.+?)\r?$"

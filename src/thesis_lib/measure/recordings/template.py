@@ -18,11 +18,9 @@ from pydantic import BaseModel
 
 from thesis_lib.files import put_files, staging
 from thesis_lib.measure.messages import format_new
-from thesis_lib.measure.recordings import manifest as manifests, media_info
+from thesis_lib.measure.recordings import manifest as manifests, media, media_info, validation
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, find_images, is_hidden
-from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import MediaError, probe_media, rate_of
-from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.studies.fields import describe_field
 from thesis_lib.templates import join_words
 from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
@@ -64,7 +62,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         allowed = "; ".join(["2 to 16", *passed, "to plan before recording: -p cameras=4"])
         raise ManifestError(f"{folder}: {len(videos)} videos, allowed: {allowed}")
     manifest = manifests.validate_manifest(_values(folder, videos, given), str(folder))
-    slowed = any(is_slowed(probe_media(video)) for video in videos)
+    slowed = any(validation.is_slowed(probe_media(video)) for video in videos)
     assumed = find_assumed(manifest, given, (*ASKED_FIELDS, *["cameras.captured_hz"][slowed:]))
     told = [*_describe_found(manifest, folder), *passed]
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
@@ -96,7 +94,7 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
         rate = float(f"{rate_of(media_info.frame_clock(video), info.frame_rate):.8g}")
         size = {"width_px": info.size[0], "height_px": info.size[1]}
         times: dict[str, Any] = {"frame_rate_hz": rate, "exposure_s": exposure}
-        if is_slowed(info):
+        if validation.is_slowed(info):
             times["captured_hz"] = info.captured_hz
         images = _shots(folder, video.stem, [one.stem for one in videos])
         cameras.append({"name": name, "video": video.name, "board_images": images} | size | times)
@@ -167,7 +165,7 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
         if shots:
             found += f"; {len(shots)} board images in {shots[0].parent}"
         yield found
-        if is_slowed(info):
+        if validation.is_slowed(info):
             rates = {"rate": camera.frame_rate_hz, "taken": info.captured_hz}
             yield format_new("slow-motion", video=camera.video, **rates)
         if not info.has_audio and manifest.excitation.sound != "none":
@@ -296,7 +294,7 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
     """
     cameras = []
     for camera in manifest.cameras:
-        image = next(read_frames(folder / camera.video, 0, 1))
+        image = next(media.read_frames(folder / camera.video, 0, 1))
         _, code = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         url = f"data:image/jpeg;base64,{base64.b64encode(code.tobytes()).decode()}"
         shown = {"name": camera.name, "size": image.shape[::-1], "image": url}

@@ -9,10 +9,15 @@ import numpy as np
 import scipy
 
 from thesis_lib.arrays import Array, Image, IntArray
-from thesis_lib.measure.recordings import audio, force_table, media, media_info
-from thesis_lib.measure.recordings.board import Markers
+from thesis_lib.measure.recordings import (
+    audio,
+    board,
+    force_table,
+    manifest_parts,
+    media,
+    media_info,
+)
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_parts import Excitation
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo
 from thesis_lib.studies.fields import format_given, format_limit
 
@@ -25,12 +30,12 @@ class ChainError(ValueError):
     """Recordings that do not fit together; the message is one line."""
 
 
-def markers_of(manifest: Manifest) -> Markers:
+def markers_of(manifest: Manifest) -> board.Markers:
     """Return what the manifest says is printed on the structure."""
     given, marks = manifest.structure, manifest.structure.markers
     hole = marks.hole_mm and (marks.hole_mm[0] / 1000, marks.hole_mm[1] / 1000)
     diameter, bright = marks.diameter_mm / 1000, marks.tone == "bright"
-    return Markers(given.extent, given.marker_points, diameter, hole, bright)
+    return board.Markers(given.extent, given.marker_points, diameter, hole, bright)
 
 
 def check_files(manifest: Manifest, folder: Path) -> list[Array]:
@@ -143,7 +148,9 @@ def is_slowed(info: VideoInfo) -> bool:
     return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
 
 
-def _check_video(path: Path, camera: CameraFiles, excitation: Excitation) -> Iterator[str]:
+def _check_video(
+    path: Path, camera: CameraFiles, excitation: manifest_parts.Excitation
+) -> Iterator[str]:
     """Yield what is wrong with a film's rate, size, lines, stated lengths and sound."""
     info = media_info.probe_media(path)
     heard, rest = excitation.sound != "none", excitation.rest_duration_s

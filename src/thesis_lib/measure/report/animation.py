@@ -19,8 +19,7 @@ from PIL import Image as Pictures
 
 from thesis_lib.arrays import NDArray
 from thesis_lib.measure.exchange.files import marker_edges, marker_faces
-from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.media_info import file_address
+from thesis_lib.measure.recordings import media, media_info
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import in_style
 from thesis_lib.studies.cubes import complex_of
@@ -122,7 +121,7 @@ def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
     """Write frames of even size as H.264 in an MP4 file that every player and browser shows."""
     remaining = iter(frames)
     first, options = next(remaining), {"movflags": "+faststart"}
-    with av.open(file_address(path), "w", format="mp4", options=options) as file:
+    with av.open(media_info.file_address(path), "w", format="mp4", options=options) as file:
         stream = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
         assert isinstance(stream, av.VideoStream)
         stream.height, stream.width = first.shape[:2]

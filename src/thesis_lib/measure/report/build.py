@@ -90,7 +90,7 @@ class Report:
     notes: list[Note]  #: What a reader should know before trusting it
     pictures: Mapping[str, html.Picture]
 
-    def write(self, folder: Path) -> None:
+    def write_files(self, folder: Path) -> None:
         """Write ``report.html`` and the folder ``figures`` into a folder."""
         html.write_pictures(folder, self.pictures.items())
         (folder / "report.html").write_text(self.page, encoding="utf-8")

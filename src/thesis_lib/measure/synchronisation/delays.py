@@ -18,8 +18,7 @@ import numpy as np
 import scipy
 
 from thesis_lib.arrays import Array, ArrayLike, IntArray, Signal
-from thesis_lib.measure.synchronisation import tones
-from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
+from thesis_lib.measure.synchronisation import audio, tones
 from thesis_lib.measure.synchronisation.tones import Interval
 
 MIN_ENERGY_SHARE = 1e-9  # of a signal's energy; what an overlap has below that is rounding
@@ -201,7 +200,7 @@ def phase_delays(
     end = min([end, *(float(len(x) / rate + g) for x, g in zip(signals, near, strict=True))])
     periods = int((end - start) * frequency)
     if periods < 1:
-        raise SynchronisationError(
+        raise audio.SynchronisationError(
             f"the recordings share {max(end - start, 0):.3f} s of steady tone, allowed: at least "
             f"a period of {1 / frequency:.3f} s"
         )
@@ -298,7 +297,7 @@ def force_match(reference: Signal, other: Signal, rate: float, frequency: float)
     shorter = min(len(reference), len(other))
     if shorter < 2 * tones.MIN_SETTLED_PERIODS * rate / frequency:
         return whole
-    tone, tone_rate = decimate_signal(reference, rate, tones.TONE_RATE * frequency)
+    tone, tone_rate = audio.decimate_signal(reference, rate, tones.TONE_RATE * frequency)
     start, end = tones.settle_interval(tone, tone_rate, frequency)
     if (end - start) * frequency > tones.MIN_SETTLED_PERIODS - 0.1:
         part = tone[round(start * tone_rate) : round(end * tone_rate)]

@@ -13,10 +13,7 @@ import numpy as np
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.files import whole_file
-from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.recordings.manifest import CameraFiles
-from thesis_lib.measure.recordings.validation import find_repeats, note_changes
+from thesis_lib.measure.recordings import board, manifest, media, validation
 from thesis_lib.measure.tracking import follow, homography
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.vision.pinhole import Camera, undistort_tracks
@@ -78,11 +75,11 @@ class Recording:
 
 
 def record_track(
-    files: CameraFiles,
+    files: manifest.CameraFiles,
     folder: Path,
     clock: Array,
     camera: Camera,
-    markers: Markers,
+    markers: board.Markers,
     turn: float,
     path: Path,
     tick: Callable[[int], object],
@@ -114,7 +111,7 @@ def record_track(
         with part.open("wb") as file:  # not mapped: a full disk would kill the process
             np.lib.format.write_array_header_1_0(file, header)
             frames = media.read_frames(video, stop=len(clock), clock=clock)
-            for done, image in enumerate(note_changes(frames, steps, across), 1):
+            for done, image in enumerate(validation.note_changes(frames, steps, across), 1):
                 pictures = follow.pictures_of(homography.as_dark(image, markers), shares)
                 pairs = zip(trackers, pictures, strict=True)
                 found = [tracker.centres(picture) for tracker, picture in pairs]
@@ -123,7 +120,7 @@ def record_track(
                 tick(done)
 
     whole_file(path, write_centres)
-    return notes, find_repeats(steps, across)
+    return notes, validation.find_repeats(steps, across)
 
 
 def share_lost(recording: Recording) -> Array:
