@@ -223,30 +223,6 @@ def test_rendered_recordings_and_bookkeeping_alone_are_not_counted(found):
 # -- Other cubes --
 
 
-def test_figures_say_what_the_checks_say(found):
-    by = {entry.id: entry for entry in found}
-    for name in sets():
-        for check in verdicts.check_claims(cube_of(name), claims.claims_of(name)):
-            entry = by[check.claim.id]
-            assert (entry.verdict, entry.ratio) == (check.verdict, check.ratio)
-            assert (entry.literal, entry.median) == (check.literal, check.median)
-            assert (entry.low, entry.high) == (check.low, check.high)
-            ends = [None if np.isnan(end) else end for end in (entry.least, entry.most)]
-            assert tuple(ends) == check.claim.ends
-            assert all(other in entry.note for other in check.claim.conflicts)
-            assert bool(entry.note) == bool(check.claim.conflicts)
-
-
-def test_numbers_are_judged_by_what_would_be_printed_like_them(found):
-    by = {entry.id: entry for entry in found}
-    for number in claims.read_numbers():
-        entry = by[number.id]
-        inside = number.low <= number.value <= number.high
-        assert entry.verdict == ("agrees" if inside else "differs")
-        assert entry.ratio == 1 if inside else abs(entry.ratio - 1) > 0
-        assert entry.counted is not number.is_bookkeeping
-
-
 def tenfold(cube):
     """The cube as if every error were ten times as large."""
     errors = {"mean_error", "max_point_error", "plane_error", "deflection_error"}

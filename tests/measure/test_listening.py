@@ -7,7 +7,6 @@ from refused import line_of
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError
 from thesis_lib.measure.recordings.manifest_parts import Excitation
 from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.measure.recordings.validation import check_excitation
 from thesis_lib.measure.synchronisation import audio as hearing
 from thesis_lib.measure.synchronisation.audio import SynchronisationError
 from thesis_lib.measure.synchronisation.listen import estimate_delays
@@ -109,15 +108,6 @@ def test_sounds_that_are_not_one_force_name_the_camera(tmp_path, sounds, frequen
     message = refusal(folder_of(tmp_path, sounds, frequency_hz=frequency), tmp_path)
     for word in words:
         assert word in message
-
-
-@pytest.mark.parametrize(("frequency", "refused"), [(59.39, False), (59.41, True)])
-def test_what_is_undersampled_keeps_from_the_frame_rate(tmp_path, frequency, refused):
-    manifest = folder_of(tmp_path, [T[:0]] * 2, frequency_hz=frequency, undersampled=True)
-    cameras = (one.model_copy(update={"frame_rate_hz": 60.0}) for one in manifest.cameras)
-    lines = [*check_excitation(manifest.model_copy(update={"cameras": tuple(cameras)}))][:1]
-    told = "excitation.frequency_hz: given 59.41, allowed: at least 0.6 Hz from 60 Hz"
-    assert [line.startswith(told) for line in lines] == [True] * refused
 
 
 # A steady part that is given.
