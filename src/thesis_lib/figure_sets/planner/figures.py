@@ -184,7 +184,7 @@ def layouts(cube: xr.Dataset) -> Figure:
             corners = np.full(4, figure_set.MACHINE_BOX_MM[0] / 1000), along, up
         views = zip(column, plan_report.LAYOUT_VIEWS, strict=False)
         for panel, (words, azimuth, elevation) in views:
-            panel.set_title(f"{question}, {words}".replace(": ", ":\n"), fontsize=7)
+            panel.set_title(f"{question}\n{words}", fontsize=8)
             plan_report.layout_panel(panel, part, azimuth, elevation)
             if obstacle:
                 face = 1000 * panels.project_parallel(np.stack(corners, axis=1), azimuth, elevation)
