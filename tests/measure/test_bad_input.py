@@ -109,6 +109,9 @@ CASES = {
         ["structure.markers.points_mm", "not on one line"]),
     # Videos.
     "no video": (renamed("B.mkv", "B"), WRONG, ['cameras[1].video: given "B.mkv", no such file']),
+    "a hidden sign": (given("cameras.1.video", "B\0.mkv"), WRONG, ["allowed: a path inside"]),
+    "too long a name": (given("cameras.1.video", 300 * "B"), WRONG, ["no such file"]),
+    "no pattern": (given("cameras.1.board_images", "b/**B-*.jpg"), WRONG, ["allowed: at least 3"]),
     "a cut video": (cut("B.mkv", 0.6), FAILED, ["B.mkv: ends before frame"]),
     "an MP4 without its index": (both(coded(), cut("B.mp4", 0.9)), WRONG,
                                  ["cut off before its index"]),

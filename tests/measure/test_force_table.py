@@ -37,7 +37,8 @@ WRITTEN = {
     "no header": lines(BOTH),
     "German, three digits": "Zeit;Kraft\n" + lines(BOTH, ";", ",", 3),
     "French": "Temps (s);Effort (N)\n" + GERMAN,
-    "Excel": "sep=;\nZeit;Kraft\n" + GERMAN,
+    "Excel": "sep=;\nX (s);Kanal 1 (kN)\n" + lines([TIMES, FORCES / 1000], ";", ",", 7),
+    "no header, the force first": lines(BOTH[::-1]),
     "units in a line of their own": "Zeit;Kraft\nms;kN\n"
     + lines([1000 * TIMES, FORCES / 1000], ";", ",", 7),
     "tabs, German": "Zeit\tKraft\n" + lines(BOTH, "\t", ","),
@@ -115,6 +116,7 @@ def test_dates_are_as_exact_as_times_of_day(conforms, tmp_path, step_us):
 
 REFUSED = {
     "an index and a force": ("i,force\n" + lines([NUMBERS, FORCES]), "the time"),
+    "a counter": ("time_s,Frame\n" + lines([TIMES, NUMBERS]), "no column is clearly the force"),
     "two forces": ("time,force 1,force 2\n" + lines([*BOTH, OTHERS]), "several columns may be"),
     "three columns unnamed": (lines([*BOTH, OTHERS]), "no column is clearly"),
     "commas for both": ("Zeit,Kraft\n" + lines(BOTH, ",", ","), "commas"),

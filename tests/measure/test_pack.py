@@ -85,6 +85,8 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
         (">7<", ">8<", "shorter than the 8 frames"),
         ("<bit>8", "<bit>10", "10 bits for a pixel"),
         ("<depth>8", "<depth>12", "12 of them used"),
+        ("<depth>8", "<depth>7", "7 of them used"),
+        (">64<", ">17000<", "sides of 2 to 16384 px"),
         ("Lower", "Weird", "side"),
         ("totalFrame", "frames", "does not say"),
     ],

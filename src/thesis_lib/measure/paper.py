@@ -83,6 +83,7 @@ def _rectangle_vertices(x: float, y: float, width: float, height: float) -> Arra
 
 
 BITS_PER_MARK = 7  # along a mark with its black frame
+DICTIONARY_MARKS = 1000  # that the dictionary has
 
 
 def write_board(
@@ -113,6 +114,9 @@ def write_board(
     """
     if charuco and two_sided:
         raise RefusedError("--two-sided: given with --charuco, allowed: for a checkerboard")
+    if charuco and columns * rows // 2 > DICTIONARY_MARKS:
+        most = f"at most {2 * DICTIONARY_MARKS + 1} with --charuco"
+        raise RefusedError(f"--columns, --rows: given {columns} × {rows} tiles, allowed: {most}")
     landscape = columns >= rows
     wide, high = _drawable_mm(paper, landscape)
     largest_mm = min(wide / (columns + 1), high / (rows + 1))  # with half a tile all around

@@ -188,10 +188,14 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
         convert = {track.index: av.AudioResampler(format="fltp") for track in tracks}
         try:
             for packet in file.demux(*tracks):
-                for frame in packet.decode():
-                    for block in convert[packet.stream.index].resample(frame):  # type: ignore[arg-type]
-                        found[packet.stream.index].add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
-        except (av.FFmpegError, OSError, ValueError):
+                own = found[packet.stream.index]
+                try:
+                    for frame in packet.decode() if own.damaged is None else ():
+                        for block in convert[packet.stream.index].resample(frame):  # type: ignore[arg-type]
+                            own.add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
+                except (av.FFmpegError, OSError, ValueError):
+                    own.damaged = sum(own.counts) / max(own.rate, 1)
+        except (av.FFmpegError, OSError):
             for one in found.values():
                 one.damaged = sum(one.counts) / max(one.rate, 1)
     return [*found.values()]
@@ -199,7 +203,10 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
 
 def _loud(surveys: Sequence[_Survey]) -> tuple[int, list[int], str]:
     """Choose the track and its channels that hold sound, and name them where others do not."""
-    levels = [np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) for one in surveys]
+    levels = [
+        np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) * (one.damaged is None)
+        for one in surveys
+    ]
     track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
     words = [f"track {track + 1} of {len(surveys)}"] if track else []
     covariance = surveys[track].covariance

@@ -119,6 +119,9 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
         for number, line in enumerate(_text_of(path).splitlines(), 1)
         if line.strip() and not line.lstrip().startswith(("#", "%", "//", "!"))
     ]
+    # Excel's line of the separator heads no column.
+    if numbered and re.fullmatch(r"\"?sep=.?\"?", numbered[0][1].strip(), re.IGNORECASE):
+        numbered = numbered[1:]
     if not numbered:
         raise _doubt(path, "empty")
     form, begin = _form_of(path, [line for _, line in numbered])
@@ -282,10 +285,12 @@ def _choose_columns(names: list[str], units: list[str], values: Array) -> dict[s
         times = [k for k in times if (np.diff(values[:, k]) > 0).all()]
         times = [k for k in times if k in in_s] or times
     free = [k for k in every if np.isfinite(values[:, k]).all()]
-    free = [k for k in free if kinds[k] != {"index"} or set(np.diff(values[:, k])) != {1.0}]
+    counts = [k for k in free if set(np.diff(values[:, k])) == {1.0}]
+    free = [k for k in free if kinds[k] != {"index"} or k not in counts]
     if len(free) == 2:
-        times = times or [k for k in free if k not in forces][:1]
-        forces = forces or [k for k in free if k not in times]
+        rising = [k for k in free if k not in forces and (np.diff(values[:, k]) > 0).all()]
+        times = times or rising[:1]
+        forces = forces or [k for k in free if k not in times and k not in counts]
     return {"time": times, "force": forces}
 
 

@@ -4,6 +4,7 @@ Lengths are in the units of their suffix here and nowhere else: properties witho
 SI units.
 """
 
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Self
@@ -244,9 +245,12 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     if not isinstance(camera.board_images, str):
         return [None if shot is None else folder / shot for shot in camera.board_images]
     place = folder / camera.board_images
-    if place.is_dir():
-        return [*find_images(place.iterdir())]
-    files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
+    try:
+        if place.is_dir():
+            return [*find_images(place.iterdir())]
+        files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
+    except (ValueError, NotImplementedError, OSError):  # no pattern that pathlib knows
+        return []
     return [*sorted(files, key=lambda file: by_number(file.name))]
 
 
@@ -272,7 +276,10 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
     root = folder.resolve()
 
     def outside(text: str) -> bool:
-        return Path(text).is_absolute() or not (root / text).resolve().is_relative_to(root)
+        try:
+            return Path(text).is_absolute() or not (root / text).resolve().is_relative_to(root)
+        except (ValueError, OSError, RuntimeError):  # null characters, loops of links
+            return True
 
     named: dict[str, str | None] = {"truth": manifest.truth}
     counts = []
@@ -301,7 +308,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             continue
         if outside(text):
             yield f"{where}: given {format_given(text)}, allowed: {parts.INSIDE_TEXT}"
-        elif exist and not (folder / text).is_file():
+        elif exist and not os.path.isfile(folder / text):  # noqa: PTH113
             yield f"{where}: given {format_given(text)}, no such file in {folder}"
         else:
             first = videos.setdefault((root / text).resolve(), where)

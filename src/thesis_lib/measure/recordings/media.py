@@ -30,6 +30,7 @@ from thesis_lib.measure.recordings.media_info import MediaError, open_media, pro
 from thesis_lib.studies.fields import format_given
 
 MAX_SAMPLED_PICTURES = 50  # of a folder, in which the brightest grey level is looked for
+MAX_SIDE_PX = 16384  # as H.264 allows
 MAX_RAW_NUMBER = 10**8  # frames, px, bits or Hz, beyond which a header is damaged
 #: Names in the text header and in the XML header of raw frames
 RAW_FIELDS = (
@@ -320,9 +321,13 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
         numbers.append(number)
     rate, *whole = numbers
     count, width, height, bits, depth = map(int, whole)
-    if bits not in (8, 12, 16) or depth > bits or side not in ("Lower", "Higher"):
+    if bits not in (8, 12, 16) or not 8 <= depth <= bits or side not in ("Lower", "Higher"):
         given = f"{bits} bits for a pixel, {depth} of them used, side {format_given(side)}"
         raise MediaError(f"{header}: {given}, allowed: 8, 12 or 16, grey; Lower or Higher")
+    fits = min(width, height) > 1 and max(width, height) <= MAX_SIDE_PX
+    if not fits or (bits == 12 and width * height % 2):  # two pixels in three bytes
+        allowed = f"sides of 2 to {MAX_SIDE_PX} px, of 12 bits an even number in all"
+        raise MediaError(f"{header}: given {width} × {height} px, allowed: {allowed}")
     raw, size = header.with_suffix(".mraw"), height * width * bits // 8
     if not raw.is_file() or raw.stat().st_size < count * size:
         raise MediaError(f"{raw}: not there, or shorter than the {count} frames of {header}")
@@ -357,9 +362,13 @@ def _retime_frames(source: Path, target: Path, rate: float) -> None:
         if len(clock) > 2 and np.ptp(np.diff(clock)) >= 1e-9:  # they come unevenly
             pace, unit = media_info.rate_of(clock, rate) / rate, TIME_UNIT_S
             stamps = np.rint(clock[order] * pace / float(unit)).astype(int)
-        with contextlib.suppress(av.FFmpegError, ValueError):  # .mov does not hold VP8, for one
+        try:
             whole_file(target, lambda part: _copy(source, part, stamps, unit))
             return
+        except OSError as error:  # as of a full disk
+            raise OSError(error.errno, error.strerror) from None
+        except (av.FFmpegError, ValueError):  # .mov does not hold VP8, for one
+            pass
     allowed = f"the video as it is, with captured_hz: {rate:g} in the manifest"
     raise MediaError(f"{source}: its frames cannot be copied into a .mov, allowed: {allowed}")
 

@@ -1,5 +1,6 @@
 """What a video file says about itself: size, rate, length, presentation times."""
 
+import os
 import re
 import shlex
 from collections.abc import Iterator
@@ -57,8 +58,9 @@ def file_address(path: Path) -> str:
 
 def check_is_file(path: Path) -> None:
     """Refuse a path at which there is no file."""
-    if not path.is_file():
-        raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
+    if not os.path.isfile(path):  # noqa: PTH113 - pathlib raises where a name is too long
+        why = "a folder, not a file" if os.path.isdir(path) else "no such file"  # noqa: PTH112
+        raise MediaError(f"{path}: {why}")
 
 
 @contextmanager

@@ -146,7 +146,8 @@ def _shots(folder: Path, name: str, names: Sequence[str]) -> str | list[str] | N
         if len(kinds) == 1 and own == named:
             start = glob.escape((place.relative_to(folder) / f"{name}-").as_posix())
             return f"{start}*{kinds.pop()}"
-        if len(own) >= MIN_BOARD_IMAGES:
+        once = len({file.stem for file in own}) == len(own)  # not JPEG and HEIC of one pose
+        if once and len(own) >= MIN_BOARD_IMAGES:
             return [file.relative_to(folder).as_posix() for file in own]
     return None
 
