@@ -177,11 +177,12 @@ def check_frequency(film: Any, share: float) -> None:
 
 
 def check_place(film: Any, extent: Sizes, lift: float, setting: Setting, place: Given) -> None:
-    """Refuse cameras that do not see all of a structure in 16:9 images.
+    """Refuse cameras within a structure's reach, or that do not see all of it in 16:9 images.
 
     The structure's `extent` and largest deflection `lift` are in m; `place` is the field that puts
     the cameras there, with its value.
     """
+    near = setting.distance_mm <= 1000 * (math.hypot(*extent) / 2 + lift)
     box = np.array([*extent, 2 * lift]) / 2
     corners = box * list(itertools.product((-1, 1), repeat=3))
     half = film.sensor_width_mm / film.focal_length_mm / 2
@@ -191,10 +192,11 @@ def check_place(film: Any, extent: Sizes, lift: float, setting: Setting, place: 
         rays = corners - setting.distance_mm / 1000 * hemisphere_directions(*angles)
         u, v, depth = hemisphere_rotations(*angles) @ rays.T
         seen = max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9) * spread / half
-        if depth.min() <= 0 or seen > MAX_VIEW_EXTENT:
+        if near or seen > MAX_VIEW_EXTENT:
             there = f"azimuth {azimuth:g}°, elevation {elevation:g}°"
-            one = f"the one at {there}, {setting.distance_mm:g} mm away does not"
-            fields.refuse_value(*place, f"allowed: cameras that see the whole structure; {one}")
+            one = f"the one at {there}, {setting.distance_mm:g} mm away is not"
+            beyond = "cameras beyond the structure's reach that see the whole structure"
+            fields.refuse_value(*place, f"allowed: {beyond}; {one}")
 
 
 def check_markers(

@@ -213,7 +213,10 @@ def measure_motion(
     with _results_folder(out, say, report, inputs if alone else None) as part:
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, data)
-    return report if alone else measure_modes(manifest, inputs, out, say, report)
+    if alone:
+        return report
+    printed = _lines_of(report)
+    return measure_modes(manifest, inputs, out, lambda line: line in printed or say(line), report)
 
 
 def measure_modes(
@@ -268,10 +271,12 @@ def _results_folder(
         if radiated is not None:
             write_sound(part, radiated)
         put_files(part, out)
-    if inputs is None:
-        return
-    for line in [*report.summary, *(f"note: {text} [{code}]" for code, text in report.notes)]:
+    for line in _lines_of(report):
         say(line)
+
+
+def _lines_of(report: build.Report) -> list[str]:
+    return [*report.summary, *(f"note: {text} [{code}]" for code, text in report.notes)]
 
 
 def _radiate(

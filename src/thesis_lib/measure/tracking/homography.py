@@ -116,7 +116,10 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
 
     In the order of the beam's frame: (0, 0), (L, 0), (L, W), (0, W).
     """
-    return View(camera, markers, fit_homography(markers.corners, corners))
+    try:
+        return View(camera, markers, fit_homography(markers.corners, corners))
+    except TrackingError as error:
+        raise TrackingError(f"camera {camera.name}: the beam's corners: {error}") from None
 
 
 def _find_quadrilateral(image: Image, camera: Camera) -> Array:
