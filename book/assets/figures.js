@@ -114,6 +114,13 @@
     const words = element("legend", "", `Case ${label.replaceAll("'", "′")}, mode`);
     const fieldset = element("fieldset", "tl-atlas", words, ...labels);
     shown[0].figure.closest(".cell_output").before(fieldset);
-    choose(shown.find(({ figure: { id } }) => `#${id}` === location.hash) ?? shown[0]);
+    const find = () => shown.find(({ figure: { id } }) => `#${id}` === location.hash);
+    choose(find() ?? shown[0]);
+    addEventListener("hashchange", () => { // for browsers that do not reveal what is hidden
+      const one = find();
+      if (!one?.parts[0].hidden) return;
+      choose(one);
+      one.figure.scrollIntoView();
+    });
   });
 })();

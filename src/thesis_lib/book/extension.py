@@ -95,6 +95,9 @@ def _find_outdated_pages(
             for path in Path(app.outdir).glob(file):
                 path.unlink()
     before = getattr(env, "tl_shown", None)  # by the last build
+    if before is None:  # all is read again: pages may be there whose sources are gone
+        for path in Path(app.outdir).rglob("*.html"):
+            path.unlink()
     env.tl_shown = {*find_figure_names(Path(env.srcdir).glob("*.md"))}
     if before == env.tl_shown:
         return []

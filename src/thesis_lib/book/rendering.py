@@ -89,9 +89,15 @@ def pack_book(book: Path, place: Path) -> None:
 
 def replace_folder(new: Path, target: Path) -> None:
     """Put the folder `new` in the place of `target`, by renaming within one file system."""
+    old = new.with_name("old")
     if target.exists():
-        target.rename(new.with_name("old"))
-    new.rename(target)
+        target.rename(old)
+    try:
+        new.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise
 
 
 CRATE_NAME = "ro-crate-metadata.json"
@@ -226,7 +232,9 @@ def install_packages(
     If npm is missing or fails, with `options` of its own, BookError says so.
     """
     lock = root / "package-lock.json"
-    if any(sha256(lock) in stamp.read_text(encoding="utf-8") for stamp in target.glob(".*")):
+    files = [target / name / Path(part).name for name, of in packages.items() for part in of]
+    stamp = target / ".lock-sha256"
+    if all(map(Path.is_file, [stamp, *files])) and sha256(lock) == stamp.read_text("utf-8"):
         return target
     with staging(target.parent) as work:
         for file in (lock, root / "package.json"):
@@ -237,7 +245,7 @@ def install_packages(
             (new / package).mkdir(parents=True)
             for part in parts:
                 shutil.copy(work / "node_modules" / package / part, new / package)
-        (new / ".lock-sha256").write_text(sha256(lock), encoding="utf-8")
+        (new / stamp.name).write_text(sha256(lock), encoding="utf-8")
         replace_folder(new, target)
     return target
 

@@ -25,7 +25,7 @@ from pydantic import TypeAdapter
 
 from thesis_lib import files
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.opened import Cubes, Opened
+from thesis_lib.book.pieces.opened import Cubes, MissingCubeError, Opened, write_placeholder
 from thesis_lib.facts.claims import Trend
 from thesis_lib.ledger import trends, verdicts
 from thesis_lib.plotting import selection, style
@@ -258,5 +258,10 @@ def draw_summary(opened: Cubes) -> Figure:
 
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
-    """Draw the figure of the cubes `made` into a folder."""
-    files.whole_text(folder / FIGURE_FILE, style.figure_svg(draw_summary(Opened(made))))
+    """Draw the figure of the cubes `made` into a folder; without one of them it says so."""
+    try:
+        text = style.figure_svg(draw_summary(Opened(made)))
+    except MissingCubeError as error:
+        write_placeholder(folder / FIGURE_FILE, error.args[0])
+    else:
+        files.whole_text(folder / FIGURE_FILE, text)

@@ -1,6 +1,7 @@
 """Results of chapters, with numbers from the cubes: what each chapter, and the book, comes to."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -171,7 +172,8 @@ def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
     """
     found = {}
     for name, factor in factors.FACTORS.items():
-        (one,) = [e for e in factors.estimate_effects(opened, factor) if e.group == body]
+        own = replace(factor, sources=tuple(one for one in factor.sources if one[0] == body))
+        (one,) = factors.estimate_effects(opened, own)
         worst, best = one.ends
         found[name] = {"worst": worst, "best": best, "share": float(np.median(one.ratios))}
     return found

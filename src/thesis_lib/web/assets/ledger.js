@@ -104,8 +104,9 @@ function render({ model, el }) {
     }
   }
   function writeAddress() {
-    if (onPage) keep(Object.fromEntries(
-      Object.entries(chosen()).map(([name, value]) => [name, value || null])));
+    const isHidden = claims.some(({ body }) => body.hidden && `#${body.id}` === location.hash);
+    if (onPage) keep(Object.fromEntries(Object.entries(chosen())
+      .map(([name, value]) => [name, value || null])), isHidden ? "" : location.hash);
   }
   function follow() { // a link to a claim, which is shown whatever the filters
     const claim = claims.find(({ body }) => `#${body.id}` === location.hash);

@@ -8,6 +8,7 @@ import { formatGeneral, formatGiven } from "./request.js";
 const DRAWS = 200;
 const MOST_IMAGES = 1e6; // of markers, in a page
 const SLICE = 20; // ms until the page may do something else
+const PAUSE = 500; // ms from one drawing of the bands to the next
 
 // --- settings, by what is varied; `facts` are the thesis's
 const pairOf = ({ azimuth_deg: azimuth, elevation_deg: elevation }) =>
@@ -185,7 +186,6 @@ export function createRecompute(facts, put, looked) {
   function work(own) { // nominal runs of all settings, then draws of each one, those in sight first
     const { plan: { settings, structure, shapes }, runs, left } = own;
     const end = performance.now() + SLICE;
-    let hasMore = false;
     while (job === own && performance.now() < end) {
       const isInSight = (i) => settings[i].case === looked(), n = left.find(isInSight) ?? left[0];
       if (runs.length < settings.length) {
@@ -199,19 +199,22 @@ export function createRecompute(facts, put, looked) {
           const [median, low, high] = bandOf(runs[n].modes[m].means);
           Object.assign(one, { median, low, high });
         });
-        hasMore = true;
+        own.hasMore = true;
       }
     }
     if (job !== own) return;
-    if (hasMore) put(own.data = { ...own.data });
+    if (own.hasMore && (!left.length || end > own.next)) { // to draw many settings takes long
+      put(own.data = { ...own.data });
+      Object.assign(own, { hasMore: false, next: performance.now() + PAUSE });
+    }
     if (left.length) port2.postMessage(own.id);
   }
   return {
     // Begins to compute a request, or returns why it is refused or left to the command.
     ask(name, values) {
       const set = facts.sets[name], plan = planRequest(set, values, facts);
-      job = plan.settings
-        ? { id: jobs += 1, set, plan, values, runs: [], left: [...plan.settings.keys()] } : null;
+      job = plan.settings ? { id: jobs += 1, set, plan, values, runs: [], next: 0,
+        left: [...plan.settings.keys()] } : null;
       if (job) work(job);
       return plan;
     },

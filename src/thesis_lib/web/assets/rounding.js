@@ -47,7 +47,8 @@ function render({ model, el }) {
     keep(Object.fromEntries(rows.map(([, key, usual]) =>
       [`${name}-${key}`, state[key] === usual ? null : state[key]])));
   for (const { key, box } of sliders) { // the browser keeps it to the slider's range and steps
-    box.value = asked(`${name}-${key}`) || state[key];
+    const given = Number(asked(`${name}-${key}`) || NaN);
+    box.value = Number.isNaN(given) ? state[key] : given;
     state[key] = Number(box.value);
   }
   const handlers = { onchange: remember, onclick: remember, onpointerup: remember };
