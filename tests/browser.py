@@ -124,16 +124,6 @@ def tab_through(opened, times):
     return seen
 
 
-def drag(opened, name, x, y=0):
-    """Drag from the middle of what has a test id by some px to the right and down."""
-    box = opened.page.get_by_test_id(name).bounding_box()
-    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    opened.page.mouse.move(*middle)
-    opened.page.mouse.down()
-    opened.page.mouse.move(middle[0] + x, middle[1] + y)
-    opened.page.mouse.up()
-
-
 @contextmanager
 def open_offline(
     running, path, width=1280, height=900, dark=False, query="", served="", fresh=False, still=True

@@ -20,10 +20,3 @@ def refusal(name, /, **values):
     message = line_of(ParameterError, validate_request, name, values)
     assert message.startswith(f"{name}: ")
     return message
-
-
-def assert_refused(name, values, words):
-    """That a request is refused by a line with all of the words."""
-    message = refusal(name, **values)
-    missing = [word for word in words if word not in message]
-    assert not missing, message

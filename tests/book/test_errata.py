@@ -15,19 +15,15 @@ ITEM = re.compile(
 ITEMS = ITEM.findall(TEXT)
 
 
-def code_only(text):
-    """The page's pycon blocks on the lines where they stand, all other lines empty."""
+@pytest.mark.slow
+def test_code_prints_what_the_page_says():
+    """In pycon blocks, on the lines where they stand; all other lines are empty."""
     kept, inside = [], False
-    for line in text.splitlines():
+    for line in TEXT.splitlines():
         fence = line.startswith("```")
         inside = line == "```pycon" if fence else inside
         kept.append(line if inside and not fence else "")
-    return "\n".join(kept) + "\n"
-
-
-@pytest.mark.slow
-def test_code_prints_what_the_page_says():
-    code = code_only(TEXT)
+    code = "\n".join(kept) + "\n"
     assert TEXT.count("\n>>> ") == code.count("\n>>> ")  # none is left out
     test = doctest.DocTestParser().get_doctest(code, {}, PAGE.name, str(PAGE), 0)
     report = []

@@ -8,7 +8,7 @@ import pytest
 from book.rerun_form import as_in_page, fill
 from browser import open_offline, write_page
 from refused import refusal
-from scenes.changes import CHANGES, OWN_CHANGES
+from scenes.changes import OWN_CHANGES
 
 from thesis_lib.book import explorer
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
@@ -114,7 +114,7 @@ def test_nothing_changed_is_the_plain_command(chromium, path):
 def filled(rng, name):
     """Some parameters of a set with other values."""
     fields = STUDIES[name].model_fields
-    changes = {**CHANGES, **OWN_CHANGES.get(name, {})} | {
+    changes = OWN_CHANGES[name] | {
         "layouts": {"4a′ it's $HOME `x` \"é\" 😀 \\": [[[80.5, 10], [-80, 1e1]], [
             [80.5, 10], [-80, 10], [0, 5e-7]]], "2": [[[0, 20], [90, 20]]]},
         "cases": STUDIES[name]().cases[1:] if "cases" in fields else [],

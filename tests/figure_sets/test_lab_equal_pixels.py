@@ -2,20 +2,45 @@
 
 import numpy as np
 import pytest
-from scenes.equal_pixels import equal_pixels
+import xarray as xr
 
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_equal_pixels import compute
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.calibration.bundle_adjustment import CalibrationError
-from thesis_lib.studies.schema import with_provenance
+from thesis_lib.studies.schema import label_values, with_provenance
 from thesis_lib.vibration.structure import deflection_shape
 from thesis_lib.vision.pinhole import project
 
 
 def study(**values):
     return validate_request("lab-equal-pixels", values)
+
+
+def _shape(request):
+    return deflection_shape(
+        request.structure, 1, request.structure.markers, request.amplitude_mm / 1000
+    )
+
+
+def equal_pixels(request, common=0.0, seed=0):
+    """What filming would give: white noise of 1 µm times the cameras, and a common error in m."""
+    kinds, trials, shape = request.rendered_kinds, request.trials + 1, _shape(request)
+    sizes = {"part": 2, "point": len(shape)}
+    values = {
+        name: np.full((len(kinds), trials, *(sizes[dim] for dim in one.dims)), 0.01)
+        for name, one in compute.RECORDING_VARIABLES.items()
+    }
+    for i, kind in enumerate(kinds):
+        sigma = 1e-6 * kind.count
+        noise = np.random.default_rng([seed, i]).standard_normal((trials, 2, len(shape)))
+        truth = np.stack([shape * (1 - compute.marker_loss(request, kind)) + common, 0 * shape])
+        values["deflection"][i] = truth + sigma * noise
+        values["known_deflection"][i] = values["deflection"][i] + sigma / 10
+        values["deviation"][i] = sigma
+    values["missing"][:] = 0
+    return xr.Dataset(label_values(values, compute.RECORDING_VARIABLES, over=("rig", "replicate")))
 
 
 def made(request, **scene):
@@ -74,7 +99,7 @@ def test_a_marker_that_bends_shows_less_by_what_its_edge_shows():
 
 def test_errors_of_known_size_come_out():
     request = study(trials=400, cases=["pixels"], diameters_mm=[12.0])
-    part = of(made(request, sigma=lambda kind: 1e-6 * kind.count, common=3e-6), "12 mm")
+    part = of(made(request, common=3e-6), "12 mm")
     n, percent = part["n_cameras"].values, 100 / part["reference_deflection"].values.max()
     np.testing.assert_allclose(part["noise_error"], percent * 1e-6 * n, rtol=1e-4)
     np.testing.assert_allclose(part["common_error"], percent * 3e-6, rtol=0.1)
@@ -90,7 +115,7 @@ def test_bands_of_ratios_hold_the_truth_as_often_as_they_say():
     inside = []
     for seed in range(40):
         request = study(trials=20, cases=["pixels"], diameters_mm=[12.0], counts=[2, 16])
-        data = equal_pixels(request, sigma=lambda kind: 1e-6 * kind.count, seed=seed)
+        data = equal_pixels(request, seed=seed)
         errors = {
             kind: compute._deflection_errors(request, kind, data.isel(rig=i), _shape(request))
             for i, kind in enumerate(request.rendered_kinds)
@@ -99,12 +124,6 @@ def test_bands_of_ratios_hold_the_truth_as_often_as_they_say():
         low, high = np.quantile(many / few, compute.BAND_QUANTILES)
         inside.append(low < 8 < high)
     assert 0.72 < np.mean(inside) <= 1
-
-
-def _shape(request):
-    return deflection_shape(
-        request.structure, 1, request.structure.markers, request.amplitude_mm / 1000
-    )
 
 
 # Recordings.

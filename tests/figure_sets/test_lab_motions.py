@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scenes.motions import films
 
 from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.facts import setups
@@ -15,6 +14,8 @@ from thesis_lib.figure_sets.lab_modes import compute as lab_modes
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
+from thesis_lib.laboratory.experiment import join_replicates
+from thesis_lib.laboratory.rig import EXPOSURE_SAMPLES
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.plotting import selection
@@ -37,6 +38,40 @@ def modes_study(**values):
 
 def plate_study(**values):
     return validate_request("lab-plate", {**SMALL, **values})
+
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # of an exposure, from −1 to 1
+
+
+def look(sigma):
+    """What films a rig: markers where they are in the mean of the exposure, with noise in px."""
+
+    def one(rig):
+        found = []
+        for number, station in enumerate(rig.stations):
+            times = tracking.frame_times(rig, station)
+            exposure = station.sensor.exposure * np.sqrt(1 - 1 / EXPOSURE_SAMPLES**2)
+            at = [times + node * exposure / 2 for node in NODES]
+            seen = [tracking.true_centres(rig, station, each) for each in at]
+            centres = np.tensordot(WEIGHTS / 2, seen, axes=1)
+            noise = np.random.default_rng([0, rig.seed, number]).standard_normal(centres.shape)
+            found.append(tracking.TrackedCentres(times, centres + sigma * noise))
+        return found
+
+    return one
+
+
+def films(study, sigma=0.0):
+    """The replicates of a study, by exact projections with noise of a known size."""
+    if study.study == "modes":
+        rigs_of, estimate = lab_modes.rigs_of, lab_modes.estimate_motions
+    else:
+        rigs_of, estimate = lab_plate.rigs_of, lab_plate.estimate_deflections
+    replicates = []
+    for number in range(study.trials + 1):
+        data = tracking.record_tracks(rigs_of(study, number), study.frames, look(sigma))
+        replicates.append(data.merge(estimate(study, data, number)))
+    return join_replicates(replicates, ("tracks",))
 
 
 def finished(cube, study):

@@ -27,13 +27,6 @@ def power(cube):
     return ledger_power.compute_power(lambda _: cube, CLAIMS)
 
 
-def claim(relation, low, high, digits):
-    rounding = (claims.half_digit(digits),) * 2
-    return dataclasses.replace(
-        CLAIMS[0], relation=relation, low=low, high=high, rounding=rounding, excepted=0
-    )
-
-
 @pytest.mark.parametrize(
     ("relation", "digits", "values", "low", "high"),
     [
@@ -46,7 +39,10 @@ def claim(relation, low, high, digits):
     ],
 )
 def test_a_draw_is_printed_with_the_claims_digits(relation, digits, values, low, high):
-    made = verdicts.claim_from_errors(claim(relation, 1, 1, digits), np.array(values))
+    rounding = (claims.half_digit(digits),) * 2
+    changed = {"relation": relation, "low": 1, "high": 1, "rounding": rounding, "excepted": 0}
+    one = dataclasses.replace(CLAIMS[0], **changed)
+    made = verdicts.claim_from_errors(one, np.array(values))
     assert (made.low, made.high) == pytest.approx((low, high))
     assert all(verdicts.meets_claim(made, value, value) for value in values if relation != "about")
 

@@ -165,12 +165,6 @@ def test_boards_printed_white_on_black_are_read(conforms, scenes, marked):
         conforms.sampled(rms(off), below=0.012)
 
 
-def test_a_mirrored_board_with_marks_is_named(marked):
-    image = np.ascontiguousarray(photograph(marked[0])[:, ::-1])
-    with pytest.raises(BoardNotFound, match="24 mirrored: it is seen from the back"):
-        find_corners(image, MARKED)
-
-
 @pytest.mark.parametrize("tiles", [(8, 9), (6, 6)])
 def test_a_larger_board_than_expected_is_refused(scenes, tiles):
     with pytest.raises(BoardNotFound):

@@ -5,7 +5,11 @@ import os
 import resource
 import shutil
 import signal
+import subprocess
+import sys
+import time
 import tracemalloc
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +17,8 @@ import pandas as pd
 import pytest
 import pyuff
 import xarray as xr
-from command import thesis
-from scenes.measure import RESULTS, Page, Running, change_manifest, copied
+import yaml
+from command import Done, hears_signals, thesis
 
 from thesis_lib.figure_sets import record
 from thesis_lib.files import CACHE_TAG, RECORD_NAME, STAGING_PREFIX, put_files
@@ -44,6 +48,72 @@ WHOLE = [CACHE_TAG, *with_digests(["calibration.nc", "sound.nc"])]
 TRACKS = [f"tracks-{k:02d}.nc" for k in range(3)]
 CENTRES = [f"tracks-{k:02d}.npy" for k in range(3)]
 STEPS = sorted([*WHOLE, *with_digests(TRACKS), *CENTRES])
+RESULTS = {
+    RECORD_NAME, "calibration.nc", "cameras.toml", "cameras.yaml", "figures", "measured.mat",
+    "measured.nc", "motion.csv", "motion.nc", "motion.uff", "report.html", "shape.gif", "shape.mp4",
+    "shapes.csv", "shapes.uff", "tracked.mp4", "vtk",
+}  # fmt: skip
+
+
+def begun(*arguments):
+    """The command under way in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "thesis_lib", *map(str, arguments)],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        encoding="utf-8", start_new_session=True, preexec_fn=hears_signals,
+    )  # fmt: skip
+
+
+def ended(process):
+    """How a process ended, and what it said."""
+    try:
+        out, err = process.communicate(timeout=300)
+    finally:
+        process.kill()
+    return Done(process.returncode, out, err)
+
+
+def copied(folder, to, results=False):
+    """A copy of a recording that a test may break; times of change stay, so that steps count.
+
+    With `results` the folder ``measured`` comes along, without its results but with its steps.
+    """
+    unwanted = RESULTS if results else {"measured"}
+
+    def ignored(place, names):  # a step may be named like a result
+        return set() if Path(place).name == ".steps" else unwanted & set(names)
+
+    shutil.copytree(folder, to, ignore=ignored)
+    return to
+
+
+def change_manifest(folder, change):
+    path = folder / "manifest.yaml"
+    values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    change(values)
+    path.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
+
+
+class Page(HTMLParser):
+    """What a page loads, its pictures' descriptions, its text."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.loaded: list[str] = []
+        self.pictures: list[str | None] = []
+        self.text = self.styles = ""
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        self.loaded += [value for name, value in attrs
+                        if name in {"src", "srcset", "data", "poster", "action"}
+                        or (name == "href" and tag != "a")]  # fmt: skip
+        if tag == "img":
+            self.pictures.append(dict(attrs).get("alt"))
+
+    def handle_data(self, data):
+        self.text += data
+        self.styles += data if self.lasttag == "style" else ""
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +131,7 @@ def example(tmp_path_factory):
 @pytest.fixture(scope="module")
 def measured(example):
     """The example's folder after a measurement by a process of its own."""
-    running = Running("measure", example / "manifest.yaml")
-    done, _ = running.end()
+    done = ended(begun("measure", example / "manifest.yaml"))
     assert (done.status, done.err) == (0, "")
     assert done.out.splitlines()[-1] == f"Open {example / 'measured' / 'report.html'}"
     return example
@@ -392,13 +461,6 @@ def tracked(steps):
     return {mark.name: mark.stat().st_mtime_ns for mark in marks if mark.exists()}
 
 
-def under_way(steps):
-    """Whether a camera is tracked and another one begun: the command hears signals by then."""
-    begun = f"{STAGING_PREFIX}*/new/tracks-*.npy"
-    before = {*steps.glob(begun)}
-    return lambda: tracked(steps) and {*steps.glob(begun)} - before
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("ended_by", [signal.SIGKILL, signal.SIGINT])
 @pytest.mark.usefixtures("interrupts_ignored")
@@ -411,10 +473,16 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path, en
     before = stamps(out)
     command = ("measure", measured / "manifest.yaml", "--out", out)
 
-    running = Running(*command)
-    running.wait_for(under_way(steps))
-    stopped, seconds = running.end(ended_by)
-    assert seconds < 10
+    running, other = begun(*command), f"{STAGING_PREFIX}*/new/tracks-*.npy"
+    for _ in range(30_000):  # until one is tracked and another begun: it hears signals by then
+        if tracked(steps) and [*steps.glob(other)]:
+            break
+        assert running.poll() is None, running.communicate()
+        time.sleep(0.01)
+    start = time.monotonic()
+    running.send_signal(ended_by)
+    stopped = ended(running)
+    assert time.monotonic() - start < 10
     if ended_by == signal.SIGINT:
         assert stopped.status == 130
         assert stopped.err.endswith("interrupted; run the same command again to go on\n")
@@ -424,8 +492,7 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path, en
     assert 0 < len(kept) < 3
     assert names(out) == [".steps"]
 
-    running = Running(*command)
-    done, _ = running.end()
+    done = ended(begun(*command))
     assert (done.status, done.err) == (0, "")
     assert names(steps) == STEPS
     assert kept.items() <= tracked(steps).items()  # these are not tracked again

@@ -31,15 +31,10 @@ CIHX = """binary\0rubbish<cih><recordInfo><recordRate>12500</recordRate></record
 """
 
 
-def packed12(frames):
-    """Two pixels in three bytes, most significant bits first."""
-    bits = (frames.ravel()[:, None] >> np.arange(11, -1, -1)) & 1
-    return np.packbits(bits.astype(np.uint8).ravel()).tobytes()
-
-
+BITS = (FRAMES.ravel()[:, None] >> np.arange(11, -1, -1)) & 1  # most significant first
 RAW = {
     "8 bits": (8, 8, "Lower", EIGHT.tobytes()),
-    "12 packed": (12, 12, "Lower", packed12(FRAMES)),
+    "12 packed": (12, 12, "Lower", np.packbits(BITS.astype(np.uint8)).tobytes()),
     "16, the lower 12": (16, 12, "Lower", FRAMES.astype("<u2").tobytes()),
     "16, the higher 12": (16, 12, "Higher", (FRAMES << 4).astype("<u2").tobytes()),
 }

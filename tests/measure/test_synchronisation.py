@@ -191,18 +191,14 @@ def test_noise_beyond_the_tone_s_band_does_not_count(conforms):
 # Blocks.
 
 
-def divided(x, seed):
-    """A signal in blocks of any length, some of them empty."""
-    cuts = np.sort(np.random.default_rng(seed).integers(0, len(x), 12))
-    return np.split(x, [*cuts, cuts[-1]])
-
-
 @pytest.mark.parametrize(("step", "length"), [(1, 20000), (3, 20001), (14, 19993)])
 def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(conforms, step, length):
     x = np.random.default_rng(step).standard_normal(length)
     whole = resample_poly(x, 1, step)[FILTER_REACH_SAMPLES:-FILTER_REACH_SAMPLES] if step > 1 else x
     for seed in range(5):
-        blocks = np.concatenate(list(decimate_blocks(divided(x, seed), step)))
+        cuts = np.sort(np.random.default_rng(seed).integers(0, len(x), 12))
+        parts = np.split(x, [*cuts, cuts[-1]])  # of any length, one of them empty
+        blocks = np.concatenate(list(decimate_blocks(parts, step)))
         conforms.invariance(blocks, whole, atol=1e-12)
     conforms.invariance(decimate_signal(x, 48000, 48000 / step)[0], whole, atol=1e-12)
 

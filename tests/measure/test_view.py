@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import xarray as xr
-from browser import drag, open_offline
+from browser import open_offline
 
 from thesis_lib.measure.report.build import view_shape
 
@@ -99,7 +99,12 @@ def test_it_turns_by_keys_and_by_dragging_and_follows_the_width(show):
         assert np.abs(dots(opened) - first).max() > 2
         opened.page.keyboard.press("ArrowLeft")
         np.testing.assert_allclose(dots(opened), first, atol=0.11)
-        drag(opened, "panel-a", 60, 20)
+        box = canvas.bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        opened.page.mouse.move(x, y)
+        opened.page.mouse.down()
+        opened.page.mouse.move(x + 60, y + 20)
+        opened.page.mouse.up()
         assert np.abs(dots(opened) - first).max() > 10
         opened.page.set_viewport_size({"width": 390, "height": 800})
         opened.page.wait_for_function(

@@ -23,17 +23,13 @@ def square():
     return plans.body("square", np.stack([x, y, 0 * x]), up, np.ones(9))
 
 
-def arch():
-    """A strip so curved that a camera sees a part of it."""
-    angle = np.linspace(-0.7, 0.7, 9)
-    out = np.stack([np.sin(angle), 0 * angle, np.cos(angle)])
-    return plans.body("arch", 0.3 * out, out, np.cos(2 * angle))
-
-
+ANGLE = np.linspace(-0.7, 0.7, 9)
+OUT = np.stack([np.sin(ANGLE), 0 * ANGLE, np.cos(ANGLE)])
+ARCH = plans.body("arch", 0.3 * OUT, OUT, np.cos(2 * ANGLE))  # a camera sees a part of it
 SCENES = {
     "plate": scene_of(plans.plate()),
     "square": scene_of(square()),
-    "parts in view": scene_of(arch(), in_view=0.3, tilt=np.radians(55)),
+    "parts in view": scene_of(ARCH, in_view=0.3, tilt=np.radians(55)),
 }  # fmt: skip
 ODD = {  # limits between what places are rounded to
     "distances and tilt": {"distances": (0.70034, 0.70071), "tilt": np.radians(61.2345)},
@@ -80,13 +76,6 @@ def same(some, others):
     return [one.tobytes() for one in some] == [one.tobytes() for one in others]
 
 
-def steps_off(values, per_unit, limits):
-    """How far values are from a whole number of steps, or from a limit, whichever is less."""
-    whole = np.abs(values * per_unit - np.rint(values * per_unit))
-    limit = np.min(np.abs(values[:, None] - np.array(limits)), axis=1) * per_unit
-    return np.minimum(whole, limit)
-
-
 @pytest.mark.slow
 @pytest.mark.few(1)
 @pytest.mark.parametrize("objective", ["mean", "worst"])
@@ -117,7 +106,9 @@ def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
             (np.degrees(some[:, 1]), 10, np.degrees(rules.elevations)),
             (some[:, 2], 1000, rules.distances),
         ):
-            assert np.all(steps_off(column, per_unit, limits) < 1e-6)
+            whole = np.abs(column * per_unit - np.rint(column * per_unit))
+            limit = np.min(np.abs(column[:, None] - np.array(limits)), axis=1) * per_unit
+            assert np.all(np.minimum(whole, limit) < 1e-6)
         assert np.all(positions.are_permitted(scene, some))
 
 

@@ -60,12 +60,6 @@ def append(path, text):
         stream.write(text.encode())
 
 
-def flip(path, place):
-    content = bytearray(path.read_bytes())
-    content[place] ^= 1
-    path.write_bytes(content)
-
-
 def cubes(folder):
     found = {}
     for path in sorted(folder.glob("*.nc")):
@@ -192,7 +186,9 @@ def test_an_edit_makes_stale_what_depends_on_it(book, states, edit):
     if added:
         append(book.root / file, added)
     else:
-        flip(book.root / file, -1000)
+        content = bytearray((book.root / file).read_bytes())
+        content[-1000] ^= 1
+        (book.root / file).write_bytes(content)
     assert {name for name, (_, believed) in states(*EVERY).items() if not believed} == stale
 
 

@@ -47,18 +47,12 @@ SPECIAL = {
     "shape-l": SHAPE_CHANGES,
     "shape-holes": SHAPE_CHANGES,
 }
-
-
-def _other(default):
-    if isinstance(default, list):
-        return default[:1]
-    return default + type(default)(1) if isinstance(default, int | float) else default
-
-
-def _changes(name):
-    defaults = {field: value for field, value in STUDIES[name]() if field != "cube"}
+OWN_CHANGES: dict[str, dict] = {}  # of every parameter
+for name, model in STUDIES.items():
     known = CHANGES | SPECIAL.get(name, {})
-    return {field: known.get(field, _other(value)) for field, value in defaults.items()}
-
-
-OWN_CHANGES = {name: _changes(name) for name in STUDIES}
+    for field, default in model():
+        other = default[:1] if isinstance(default, list) else default
+        if isinstance(default, int | float):
+            other = default + type(default)(1)
+        if field != "cube":
+            OWN_CHANGES.setdefault(name, {})[field] = known.get(field, other)

@@ -64,16 +64,13 @@ def test_predicted_error_is_the_rms_over_trials(conforms, name, rest):
     conforms.sampled(cube["predicted_error"] / simulated, 1, atol=0.03)
 
 
-def level_pair():
-    """Two parallel cameras looking along −Y: whole pixels of height and of disparity exist."""
-    K = np.stack([intrinsics(200, (320, 180))] * 2)
-    centres = np.array([[0.1, 0.5, 0], [-0.1, 0.5, 0]])
-    return CameraArray(K, hemisphere_rotations([0, 0], [0, 0]), centres, (320, 180))
-
-
 @pytest.mark.parametrize("pixels", [1, 3])
 def test_motion_by_whole_pixels_is_measured_without_error(conforms, pixels):
-    rig, step = level_pair(), 0.5 / 200  # metres per pixel at the origin
+    """By parallel cameras along −Y, to which whole pixels of height and of disparity exist."""
+    K = np.stack([intrinsics(200, (320, 180))] * 2)
+    centres = np.array([[0.1, 0.5, 0], [-0.1, 0.5, 0]])
+    rig = CameraArray(K, hemisphere_rotations([0, 0], [0, 0]), centres, (320, 180))
+    step = 0.5 / 200  # metres per pixel at the origin
     shifts = np.repeat(rounding.grid_shifts(0, 50, 1), 2, axis=1)  # the same in both cameras
     # Of half a pixel more one or the other whole one is seen, never the half between them.
     for moved, off in ((pixels, 0), (pixels + 0.5, step / 2)):

@@ -32,10 +32,6 @@ def run(opened, script):
     )
 
 
-def said(opened):
-    return opened.page.locator(".tl-summary").inner_text()
-
-
 def press(opened, name):
     opened.page.get_by_role("button", name=name).click()
 
@@ -59,12 +55,11 @@ def test_a_marker_is_drawn_as_the_library_draws_it(show):
         errors = np.array(run(opened, "return demo.found.get(0.4)"))
         np.testing.assert_allclose(np.sort(np.unique(errors.round(9))), [-0.4, 0.6])
         assert np.mean(errors > 0) == pytest.approx(0.4, abs=4 * np.sqrt(0.24 / 2000))
-        opened.page.wait_for_function(
-            "() => document.querySelector('.tl-summary').innerText.includes('Of 2000 draws')"
-        )
+        opened.page.locator(".tl-summary", has_text="Of 2000 draws").wait_for()
         put(opened, "Motion", 2)
         opened.page.wait_for_timeout(100)
-        assert said(opened) == "A motion of 2 px is measured without error on every grid."
+        told = opened.page.locator(".tl-summary").inner_text()
+        assert told == "A motion of 2 px is measured without error on every grid."
 
 
 @pytest.mark.slow
@@ -76,9 +71,7 @@ def test_two_cameras_have_the_law_of_the_library(show):
         put(opened, "Elevation", 40)
         put(opened, "Deflection", 2)
         press(opened, "400 random pairs")
-        opened.page.wait_for_function(
-            "() => document.querySelector('.tl-summary').innerText.includes('400 draws')"
-        )
+        opened.page.locator(".tl-summary", has_text="400 draws").wait_for()
         assert run(opened, "return demo.law(demo.state).sigma") == pytest.approx(law, rel=0.02)
         errors = np.array(run(opened, "return demo.errors()"))
         assert np.sqrt(np.mean(errors**2)) == pytest.approx(law, rel=0.15)
@@ -102,9 +95,7 @@ def test_a_beam_has_the_law_of_the_library(show):
         np.testing.assert_allclose(found, law, rtol=1e-9)
         drawn = np.array(run(opened, "return demo.scene().squares")) / 400
         assert np.mean(drawn) == pytest.approx(np.mean(law), rel=0.1)
-        opened.page.wait_for_function(
-            "() => document.querySelector('.tl-summary').innerText.includes('400 draws')"
-        )
+        opened.page.locator(".tl-summary", has_text="400 draws").wait_for()
 
 
 def test_an_address_sets_sliders_within_their_range_and_steps(show):
