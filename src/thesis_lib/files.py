@@ -247,8 +247,9 @@ def name_place(place: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        error.filename = error.filename or place
-        raise
+        if error.filename:
+            raise
+        raise OSError(error.errno, error.strerror, str(place)) from error  # PyAV's take no name
 
 
 def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = ()) -> None:

@@ -61,7 +61,8 @@ def read_rows(
     columns = [COLUMN_NAMES.get(f.name, f.name) for f in fields(model) if f.name not in derived]  # type: ignore[arg-type]
     check, found = TypeAdapter(model).validate_python, dict[str, Row]()
     with (data_folder() / name).open(encoding="utf-8", newline="") as file:
-        for line, given in enumerate(csv.reader(file), 1):
+        lines = [(line, given) for line, given in enumerate(csv.reader(file), 1) if given]
+        for line, given in lines or [(1, [])]:
             if (line == 1 and given != columns) or len(given) != len(columns):
                 raise ValueError(f"{name}, line {line}: given {given}, allowed: {columns}")
             if given[0] in found:

@@ -83,7 +83,7 @@ def _refusal(path: Path, needed: str) -> MeshError:
 
 def _open_table(path: Path) -> xr.Dataset:
     if not path.is_file():  # xarray opens folders and addresses, too
-        raise _refusal(path, NEEDED_FILE)
+        raise _refusal(path, f"{NEEDED_FILE}; there is no such file")
     try:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
             ours = {*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode"}

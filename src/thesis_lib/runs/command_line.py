@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from thesis_lib.studies.request import Study
 
 MAX_WAIT_FOR_THREADS_S = 1.0
+MIN_OPEN_FILES = 128  # a run opens some 90 at a time
+MAX_PATH_BYTES = 3900  # of a folder for results, whose files have longer paths
 _HANDLED_SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
@@ -36,14 +38,29 @@ _THREAD_VARIABLES = [f"{of}_NUM_THREADS" for of in ("OPENBLAS", "OMP", "MKL", "B
 _THREAD_VARIABLES += ["VECLIB_MAXIMUM_THREADS"]
 
 
-def open_streams() -> None:
-    """Open the standard streams that are closed; else files would be opened, and written, there."""
+def check_process() -> None:
+    """Give the process what its files need: streams, numbers of files, a working directory.
+
+    Standard streams that are closed are opened; else files would be opened, and written, there.
+    """
     while (number := os.open(os.devnull, os.O_RDWR)) < 3:
         pass
     os.close(number)
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # as Python has one that is closed
             setattr(sys, name, open(os.devnull, "w"))  # noqa: PTH123, SIM115
+    if sys.platform != "win32":
+        import resource
+
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if soft < MIN_OPEN_FILES <= hard:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (MIN_OPEN_FILES, hard))
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        raise RefusedError(
+            "the working directory has been deleted; change to another, and run the command again"
+        ) from None
 
 
 def list_variables() -> dict[str, str]:
@@ -206,8 +223,9 @@ def new_folder(out: Path, option: str = "--out") -> Path:
     if str(out) in ("", "."):
         raise RefusedError(f"{option}: given no folder of its own, allowed: {_ANY_FOLDER}")
     folder = out.absolute()
-    if has_hidden(str(folder)) or max(len(os.fsencode(part)) for part in folder.parts) > 255:
-        why = "allowed: a visible name of at most 255 bytes"
+    longest = max(len(os.fsencode(part)) for part in folder.parts)
+    if has_hidden(str(folder)) or longest > 255 or len(os.fsencode(folder)) > MAX_PATH_BYTES:
+        why = f"allowed: visible names of at most 255 bytes, {MAX_PATH_BYTES} in all"
         raise RefusedError(f"{option}: given {one_line(str(out))!r}, {why}")
     there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):

@@ -12,6 +12,7 @@ exp(−4π²k²σ²).
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -37,6 +38,12 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     ndarray, shape (trials + 1 - first, n_cameras, 2)
         Shifts in px, uniform in ±½; trial 0 is the nominal run and has none.
     """
+    return _cached_shifts(seed, trials, n_cameras, first).copy()
+
+
+@lru_cache(maxsize=32)
+def _cached_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
+    """Cache the shifts, which settings with as many cameras share."""
     shifts = np.zeros((trials + 1 - first, n_cameras, 2))
     for trial in range(max(first, 1), trials + 1):
         # Philox is counter-based: the trial is its own stream, the camera the place in it.

@@ -15,6 +15,7 @@ from typing import Any
 
 import av
 import numpy as np
+from av.container import InputContainer
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.media_info import MediaError, open_media, start_of_film
@@ -105,7 +106,8 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
         If the file has no audio track, or no such channel, or if its sound is damaged or has a gap.
     """
     with open_media(path) as file:
-        if not file.streams.audio:
+        tracks = _decodable_tracks(file)
+        if not tracks:
             raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
         about = path.stat()
         surveys = _survey(path.absolute(), about.st_size, about.st_mtime_ns)
@@ -116,7 +118,7 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
             if channel > len(every):
                 raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {len(every)}")
             (index, chosen), words = every[channel - 1], ""
-        track, survey = file.streams.audio[index], surveys[index]
+        track, survey = tracks[index], surveys[index]
         if survey.damaged is not None:
             raise MediaError(f"{path}: damaged audio after {survey.damaged:.3f} s")
         if not survey.counts:
@@ -179,11 +181,15 @@ def _mix_blocks(
         yield np.concatenate(blocks, dtype=float)
 
 
+def _decodable_tracks(file: InputContainer) -> list[av.AudioStream]:
+    return [track for track in file.streams.audio if track.codec_context is not None]
+
+
 @lru_cache(maxsize=64)
 def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
     """Decode all audio tracks for their time stamps and levels, once unless the file changes."""
     with open_media(path) as file:
-        tracks = file.streams.audio
+        tracks = _decodable_tracks(file)
         found = {one.index: _Survey(one.channels, float(one.time_base or 0)) for one in tracks}
         convert = {track.index: av.AudioResampler(format="fltp") for track in tracks}
         try:
