@@ -8,6 +8,8 @@ import csv
 import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +58,14 @@ def test_old_names_of_commands_work_and_are_reported(old, new):
     done, now = thesis(old, "--help"), thesis(new, "--help")
     assert (done.status, done.err) == (0, f"thesis: `thesis {old}` is now `thesis {new}`\n")
     assert done.out.partition("\n")[2] == now.out.partition("\n")[2]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="keeps folders that are in use")
+def test_a_deleted_working_directory_is_named(tmp_path):
+    line = f"mkdir gone && cd gone && rmdir ../gone && {sys.executable} -m thesis_lib list"
+    done = subprocess.run(["sh", "-c", line], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "the working directory has been deleted" in done.stderr
 
 
 # What is listed.
