@@ -2,6 +2,7 @@
 
 import re
 
+import av
 import numpy as np
 import pytest
 from command import thesis
@@ -96,6 +97,19 @@ def test_a_sound_is_clipped_if_all_its_channels_are(tmp_path):
 
 
 SOUND, NONE = click(1.0, 0.4), np.zeros(48000)
+
+
+@pytest.mark.parametrize("damaged", [0, 1])
+def test_a_damaged_track_is_passed_over(tmp_path, damaged):
+    path = write_film(tmp_path / "a.mov", [LONG[: 2 * LOW]] * 2, LOW)
+    whole, _, _ = read_audio(path)
+    with av.open(str(path)) as file:
+        packet = [one for one in file.demux(file.streams.audio[damaged]) if one.size][8]
+        begin, end = packet.pos, packet.pos + packet.size
+    data = bytearray(path.read_bytes())
+    data[begin:end] = bytes([255]) * (end - begin)
+    path.write_bytes(data)
+    np.testing.assert_array_equal(read_audio(path)[0], whole)
 
 
 @pytest.mark.parametrize(

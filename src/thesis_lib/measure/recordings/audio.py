@@ -72,7 +72,7 @@ class _Survey:
     sums: Any = 0.0
     products: Any = 0.0
     clipped: Any = 0  #: Samples at full scale of each channel
-    damaged: float | None = None  #: When it can no longer be decoded, s
+    damaged: bool = False  #: Whether what follows these frames cannot be decoded
 
     def add(self, frame: av.AudioFrame, block: Array) -> None:
         """Take one more frame, whose samples are `block`, shape (channels, samples)."""
@@ -119,8 +119,9 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
                 raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {len(every)}")
             (index, chosen), words = every[channel - 1], ""
         track, survey = tracks[index], surveys[index]
-        if survey.damaged is not None:
-            raise MediaError(f"{path}: damaged audio after {survey.damaged:.3f} s")
+        if survey.damaged:
+            after = sum(survey.counts) / max(survey.rate, 1)
+            raise MediaError(f"{path}: damaged audio after {after:.3f} s")
         if not survey.counts:
             raise MediaError(f"{path}: the audio track is empty")
         first, last, start, pace = _timing(path, survey)
@@ -196,21 +197,21 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
             for packet in file.demux(*tracks):
                 own = found[packet.stream.index]
                 try:
-                    for frame in packet.decode() if own.damaged is None else ():
+                    for frame in () if own.damaged else packet.decode():
                         for block in convert[packet.stream.index].resample(frame):  # type: ignore[arg-type]
                             own.add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
                 except (av.FFmpegError, OSError, ValueError):
-                    own.damaged = sum(own.counts) / max(own.rate, 1)
+                    own.damaged = True
         except (av.FFmpegError, OSError):
             for one in found.values():
-                one.damaged = sum(one.counts) / max(one.rate, 1)
+                one.damaged = True
     return [*found.values()]
 
 
 def _loud(surveys: Sequence[_Survey]) -> tuple[int, list[int], str]:
     """Choose the track and its channels that hold sound, and name them where others do not."""
     levels = [
-        np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) * (one.damaged is None)
+        0.0 if one.damaged else np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0)
         for one in surveys
     ]
     track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
