@@ -143,8 +143,9 @@ def _problems(cube: xr.Dataset) -> Iterator[str]:
     """Yield the faults of a cube, one after another; what comes after one may fail."""
     listed, present = cubes.list_dimension(cube), set(map(str, cube.variables))
     errors = sorted({name for name, _ in cubes.ERROR_VARIABLES.values()} & present)
-    dims = {name: (listed,) for name in cubes.LISTED_VARIABLES.get(listed, ())}
-    if not listed:
+    if listed:
+        dims = dict.fromkeys(cubes.LISTED_VARIABLES[listed], (listed,))
+    else:
         dims = dict.fromkeys(cubes.SETTING_KEYS, ("setting",)) | {"mode": ("mode",)}
     lacks = {"figure_set", "parameters", "parameters_hash"} - set(cube.attrs)
     lacks |= {*dims, *(() if listed or errors else ["errors"])} - present

@@ -85,9 +85,7 @@ class DesignLaw(request.Study):
         bodies = setups.thesis_beam(), setups.thesis_plate()
         farther = max(1000 * math.hypot(*body.extent) / 2 for body in bodies) + peak
         if self.cone_distance_mm <= farther:
-            fields.refuse_value(
-                "cone_distance_mm", self.cone_distance_mm, request.distance_limit(farther)
-            )
+            self.refuse("cone_distance_mm", request.distance_limit(farther))
         width = self.shared[0]
         if width.min() < LEAST_PX or width.max() > 20_000:
             why = f"allowed: rates that leave each camera a sensor {LEAST_PX} to 20000 px wide"

@@ -283,9 +283,11 @@ def noise_tolerance(n_cameras: int, layouts: int, seed: int) -> float:
         errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
         least, centre = simulation.over_layouts(errors)
         gains = np.append(gains, 1 - centre / least)
-        if gains[0] < _MIN_GAIN or gains[-1] < gains[0] / 2:
-            break
-    return half_gain_noise(gains, WITH_NOISE)
+        if gains[0] < _MIN_GAIN:
+            return float("nan")
+        if gains[-1] < gains[0] / 2:
+            return half_gain_noise(gains, WITH_NOISE)
+    return float("inf")
 
 
 def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:

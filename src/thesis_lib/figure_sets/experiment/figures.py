@@ -13,6 +13,7 @@ from matplotlib.patches import Arc, Circle, Polygon, Rectangle
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment.figure_set import Way
 from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER, select_tracks
 from thesis_lib.laboratory.parameters import CAMERA_NAMES
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
@@ -47,9 +48,14 @@ def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, *
     axes.annotate("", end, start, zorder=zorder, arrowprops=arrow)
 
 
+def way_of(data: xr.Dataset, method: str) -> Way:
+    """Return the way that takes all cameras at the largest width."""
+    return method, CAMERA_NAMES, int(data["width"].max())
+
+
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
-    found = select_tracks(data, ("harmonic", CAMERA_NAMES, int(data["width"].max())))
+    found = select_tracks(data, way_of(data, "harmonic"))
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)

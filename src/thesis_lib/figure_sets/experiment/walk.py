@@ -24,7 +24,6 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute, figure_set, figures, methods
 from thesis_lib.figure_sets.experiment.figures import MARKERS, WIDTH_IN
 from thesis_lib.laboratory.experiment import compare_deflections
-from thesis_lib.laboratory.parameters import CAMERA_NAMES
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import Board
@@ -336,7 +335,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference, found = part.amplitude * part.shape(beam, beam.markers), []
     for method in figure_set.METHODS:
-        tracks, every, _ = compute.measure_way(data, _way_of(data, method))
+        tracks, every, _ = compute.measure_way(data, figures.way_of(data, method))
         measured = every[MARKERS.middle_row]
         found.append((method, measured, compare_deflections(measured[None], reference)))
     return {
@@ -347,16 +346,11 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _way_of(data: xr.Dataset, method: str) -> figure_set.Way:
-    """Return the way that takes all cameras at the largest width."""
-    return method, CAMERA_NAMES, int(data["width"].max())
-
-
 def _parts(data: xr.Dataset) -> dict[str, Any]:
     """Return what the literal method loses to the missed maximum and to whole frames alone."""
     row = MARKERS.middle_row
     instant = methods.find_maxima(data, setups.thesis_beam().damping)
-    tracks = methods.select_tracks(data, _way_of(data, "literal"))
+    tracks = methods.select_tracks(data, figures.way_of(data, "literal"))
     maximum, frame = instant.nearest(tracks.rate, tracks.times[0, 0] * tracks.rate)
     exact = (data["delay"] - data["delay"][0]).values
     residual, n = exact - tracks.frames / tracks.rate, len(exact)

@@ -193,13 +193,15 @@ def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
 
 
 def _draw_along(axes: Axes, part: xr.Dataset) -> None:
-    known, error = select_known(part), predict_errors(select_known(part))
+    known = select_known(part)
+    error = predict_errors(known)
     ends = ("best", np.argmin, style.BEST_COLOR), ("worst", np.argmax, style.WORST_COLOR)
     for word, choose, ink in ends[: len(error)]:
         one = known.isel(setting=int(choose(error)))
         label = f"{one['label'].item()} ({word})"
         axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, color=ink, lw=1)
-    axes.legend()
+    if error.size:
+        axes.legend()
     axes.set(title="(d) error of each marker", xlabel="x in mm", ylim=(0, None))
     axes.set_ylabel("% of the largest deflection")
 

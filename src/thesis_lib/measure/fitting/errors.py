@@ -14,6 +14,7 @@ in it, and does not matter: the structure's frame comes from its markers at rest
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy
@@ -123,7 +124,8 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
     deviations, noise = shapes.copy(), harmonics.image_std(fit, omega, exposures)
     seen: Mask = np.all(np.isfinite(noise), axis=1)
     noise = np.where(seen[:, None], noise, 0.0)
-    whole = reconstruction.normal_gain(fit.P, fit.frame, fit.points, seen)
+    gain_of = partial(reconstruction.normal_gain, fit.P, fit.frame, fit.points)
+    whole = gain_of(seen)
     for left_out in range(count if count > 2 else 0):
         kept = [i for i in range(count) if i != left_out]
         cameras, own = [fit.cameras[i] for i in kept], [fit.harmonics[i] for i in kept]
@@ -131,8 +133,7 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
         turned = harmonics.deflection_amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
         shapes[left_out] = turned.real
         others = seen & (np.arange(count) != left_out)[:, None]
-        change = reconstruction.normal_gain(fit.P, fit.frame, fit.points, others) - whole
-        deviation = np.sqrt(np.sum((change * noise) ** 2, axis=(0, 1)))
+        deviation = np.sqrt(np.sum(((gain_of(others) - whole) * noise) ** 2, axis=(0, 1)))
         deviations[left_out] = np.where(seen[left_out], deviation, np.nan)
     return shapes, deviations
 

@@ -62,8 +62,10 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         allowed = "; ".join(["2 to 16", *passed, "to plan before recording: -p cameras=4"])
         raise ManifestError(f"{folder}: {len(videos)} videos, allowed: {allowed}")
     manifest = manifests.validate_manifest(_values(folder, videos, given), str(folder))
-    slowed = any(validation.is_slowed(probe_media(video)) for video in videos)
-    assumed = find_assumed(manifest, given, (*ASKED_FIELDS, *["cameras.captured_hz"][slowed:]))
+    asked = ASKED_FIELDS
+    if not any(validation.is_slowed(probe_media(video)) for video in videos):
+        asked = (*asked, "cameras.captured_hz")
+    assumed = find_assumed(manifest, given, asked)
     told = [*_describe_found(manifest, folder), *passed]
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.markers.hole_mm is None and lacking:  # which tells the ends apart

@@ -39,8 +39,8 @@ def collect_diagnostics(
     """Collect what the figures of a report draw besides the result.
 
     From what :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``, and
-    :func:`~thesis_lib.measure.exchange.history.time_histories`. Clocks are
-    corrected as theirs were. Tracks are NaN where a camera has fewer frames than another.
+    :func:`~thesis_lib.measure.exchange.history.time_histories`. Clocks are corrected as theirs
+    were. Tracks are NaN where a camera has fewer frames than another.
     """
     marker = int(np.nanargmax(np.abs(data["deflection"].values)))
     begin, end = data["steady"].values

@@ -3,7 +3,7 @@
 Their limits and texts are in ``messages.toml``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
@@ -72,7 +72,7 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
         late = float(one["lag"]) if one.attrs.get("sound") != "none" else 0.0
         pace = float(one["pace"]) if one["corrected"] else 0.0
         errors = float(one["lag_deviation"]), float(one["pace_deviation"])
-        yield from _check_clock(name, first, late, pace, *errors)
+        yield from _check_clock(name, first, late, pace, errors)
         if (misfit := float(one["rest_misfit"])) > NOTE_LIMITS["rest-misfit"]:
             yield make_note("rest-misfit", name=name, misfit=misfit)
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
@@ -90,12 +90,13 @@ def _check_repeats(data: xr.Dataset) -> Iterator[Note]:
         yield make_note("repeated-frames", line=line)
 
 
-def _check_clock(name: str, first: str, late: float, pace: float, *errors: float) -> Iterator[Note]:
+def _check_clock(
+    name: str, first: str, late: float, pace: float, errors: Sequence[float] = (np.nan, np.nan)
+) -> Iterator[Note]:
     """Report corrections of a camera's start in s and of its relative pace, with their errors."""
-    late_std, pace_std = errors or (np.nan, np.nan)
     late_error, pace_error = (
         "" if np.isnan(value) else f" ± {float(f'{value:.1g}'):,g}"
-        for value in (1e3 * late_std, 1e6 * pace_std)
+        for value in np.multiply(errors, (1e3, 1e6))
     )
     if late:
         way, how = "later" if late > 0 else "earlier", f"{1e3 * abs(late):.2g}{late_error}"

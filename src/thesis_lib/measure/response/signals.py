@@ -202,7 +202,8 @@ def at_times(
         t = wanted[start : start + CHUNK_TIMES]
         first = np.clip(np.searchsorted(times, t) - near // 2, 0, len(times) - near)
         index = first[:, None] + np.arange(near)
-        turn = 2 * np.pi * f * (times[index] - t[:, None])[:, :, None]  # (times, near, nodes)
+        apart = times[index] - t[:, None]
+        turn = 2 * np.pi * f * apart[:, :, None]  # (times, near, nodes)
         A = np.concatenate([np.cos(turn), np.sin(turn)], axis=2) * np.tile(blur, 2)
         S = (A * np.tile(w, 2)) @ A.swapaxes(1, 2) + OUT_OF_BAND_POWER_RATIO * np.eye(near)
         own = 2 * np.pi * f * -shift[:, None]
@@ -210,17 +211,18 @@ def at_times(
         s = A @ a.T  # (times, near, series)
         taken = values[index]
         known = np.isfinite(taken)
-        apart = (times[index] - t[:, None])[:, :, None] + shift
         part = np.einsum("tns,tns->ts", np.linalg.solve(S, s), np.where(known, taken, 0.0))
-        found[start : start + CHUNK_TIMES] = _mend(part, S, s, taken, known, apart)
+        found[start : start + CHUNK_TIMES] = _mend(part, S, s, taken, known, apart, shift)
     inside = (wanted[:, None] >= times[0] + shift) & (wanted[:, None] <= times[-1] + shift)
     return np.where(inside, found, np.nan)
 
 
-def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask, apart: Array) -> Array:
+def _mend(
+    part: Array, S: Array, s: Array, taken: Array, known: Mask, apart: Array, shift: Array
+) -> Array:
     """Return the estimates, repeated where samples are missing.
 
-    Samples are `apart` from the time of the estimate, in s, (times, near, series).
+    Samples are `apart` (times, near) from the time of the estimate, plus `shift` (series,), in s.
     """
     near, found = known.shape[1], part.copy()
     t, k = np.nonzero(~known.all(axis=1))
@@ -232,7 +234,7 @@ def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask, apart: Arr
     right = np.where(there, s[t, :, k], 0.0)
     weights = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
     value = np.sum(weights * np.where(there, taken[t, :, k], 0.0), axis=1)
-    side = apart[t, :, k]
+    side = apart[t] + shift[k, None]
     before, after = (there & (side <= SAME_TIME_S)).any(1), (there & (side >= -SAME_TIME_S)).any(1)
     enough = (2 * there.sum(axis=1) >= near) & before & after
     found[t, k] = np.where(enough, value, np.nan)

@@ -141,10 +141,8 @@ class Synchronisation:
 
     def describe(self, names: Sequence[str], frame_rate: float) -> list[str]:
         """Describe what was found, its uncertainty, and what sound cannot show; rate in Hz."""
-        frames, omega = (
-            whole_frames(self.delays, frame_rate),
-            2 * np.pi * (self.frequency or np.nan),
-        )
+        frames = whole_frames(self.delays, frame_rate)
+        omega = 2 * np.pi * (self.frequency or np.nan)
         corners = 2 * np.pi * np.array([2, 3])  # rad/s, of the first-order high-passes of inputs
         return render_lines(
             "measure/synchronisation/templates/starts.txt.j2",
