@@ -76,6 +76,12 @@ def _began_in() -> Path:
     return Path.cwd()
 
 
+def find_obstacle(folder: Path) -> Path | None:
+    """Return the file or folder that keeps a folder from being made or written to, if one does."""
+    there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
+    return None if there.is_dir() and os.access(there, os.W_OK | os.X_OK) else there
+
+
 def cache_folder() -> Path:
     """Return the folder of cached results: ``build/cache``, or a temporary one.
 
@@ -83,8 +89,7 @@ def cache_folder() -> Path:
     the processes that it starts share a folder that is removed when the command ends.
     """
     folder = Path(os.environ.get(_CACHE_VARIABLE, workplace() / "build" / "cache"))
-    there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
-    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+    if find_obstacle(folder):
         folder = Path(tempfile.mkdtemp(prefix="thesis-cache-"))
         _temporary.add(folder)
         atexit.register(remove_temporary)

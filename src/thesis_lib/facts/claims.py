@@ -24,7 +24,7 @@ from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
 from thesis_lib.acoustics.radiation import outgoing_wave
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, camera_pairs, data_folder
-from thesis_lib.vibration import structure, structure as structures
+from thesis_lib.vibration import structure
 from thesis_lib.vision.optics import angle_of_view, picture_height
 from thesis_lib.vision.pinhole import hemisphere_directions, pixelate, project
 
@@ -320,8 +320,8 @@ def _factor_of_mixed_term() -> float:
 
 
 def _at_resonance() -> complex:
-    omega = structures.resonance_frequency(THESIS_BEAM, 1)
-    return complex(structures.modal_coordinates(THESIS_BEAM, omega, 1)[0])
+    omega = structure.resonance_frequency(THESIS_BEAM, 1)
+    return complex(structure.modal_coordinates(THESIS_BEAM, omega, 1)[0])
 
 
 def _cameras(case: str) -> set[Direction]:
@@ -354,7 +354,7 @@ CORRECT_VALUES: dict[str, Callable[..., float]] = {
     "sine_factor": _sine_factor,
     "mixed_term": _factor_of_mixed_term,
     "instant": lambda: abs(math.cos(np.angle(_at_resonance()))),
-    "overlap": lambda of: math.log2(np.divide(*structures.modal_overlap(STRUCTURES[of], [2, 1]))),
+    "overlap": lambda of: math.log2(np.divide(*structure.modal_overlap(STRUCTURES[of], [2, 1]))),
     "equations": _equations,
     "shared": lambda case, other: len(_cameras(case) & _cameras(other)),
     "mirrored": lambda case: sum((a[0] + b[0]) % 180 == 0 for a, b in camera_pairs()[case]),
@@ -362,8 +362,8 @@ CORRECT_VALUES: dict[str, Callable[..., float]] = {
     "spacing": lambda of, axis, count: STRUCTURES[of].extent["xy".index(axis)] / (count * 1e-3),
     "beam": lambda name: getattr(THESIS_BEAM, name),
     "rank": lambda *mode: THESIS_PLATE.mode_indices(50).tolist().index(list(mode)) + 1,
-    "resonance": lambda: structures.resonance_frequency(THESIS_BEAM, 1) / (2 * math.pi),
-    "tip": lambda: structures.peak_deflection(THESIS_BEAM, 1) * 1e3,
+    "resonance": lambda: structure.resonance_frequency(THESIS_BEAM, 1) / (2 * math.pi),
+    "tip": lambda: structure.peak_deflection(THESIS_BEAM, 1) * 1e3,
     "rig": lambda name: THESIS_RIG[name],
     "rig_aperture": lambda: 2 * THESIS_RIG["azimuth_deg"],
     "frame_period": lambda: 1 / THESIS_RIG["frame_rate_hz"],

@@ -172,8 +172,8 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
         notes.append(check)
     else:
         band = cubes.band_text(check.median, check.low, check.high)
-        judged = {name: getattr(check, name) for name in ("ratio", "literal", "median")}
-        judged |= {"low": check.low, "high": check.high, "verdict": check.verdict}
+        same = "ratio", "literal", "median", "low", "high", "verdict"
+        judged = {name: getattr(check, name) for name in same}
         judged["got"] = f"{cubes.percent_text(check.literal)} · {band}"
     if claim.conflicts:
         notes.append(f"excluded by {', '.join(claim.conflicts)}: {claim.conflict_why}")

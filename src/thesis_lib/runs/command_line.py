@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from thesis_lib.files import cache_folder, remove_temporary, workplace
+from thesis_lib.files import cache_folder, find_obstacle, remove_temporary, workplace
 from thesis_lib.text import RefusedError, has_hidden, one_line, parse_json
 
 if TYPE_CHECKING:
@@ -227,10 +227,9 @@ def new_folder(out: Path, option: str = "--out") -> Path:
     if has_hidden(str(folder)) or longest > 255 or len(os.fsencode(folder)) > MAX_PATH_BYTES:
         why = f"allowed: visible names of at most 255 bytes, {MAX_PATH_BYTES} in all"
         raise RefusedError(f"{option}: given {one_line(str(out))!r}, {why}")
-    there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
-    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+    if obstacle := find_obstacle(folder):
         raise RefusedError(
-            f"{option}: given {out}, but {there} cannot be written to as a folder; "
+            f"{option}: given {out}, but {obstacle} cannot be written to as a folder; "
             f"allowed: {_ANY_FOLDER}"
         )
     return folder

@@ -129,9 +129,8 @@ def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tup
     about[:2] = start[:2].mean(axis=1, keepdims=True)
     J = triangulation.image_jacobian(P, about.reshape(3, -1))
     J = J.reshape(-1, 3, frames * m).swapaxes(0, 1)
-    middle = (pixels - pinhole.project(P, about)).reshape(
-        J.shape[1:]
-    )  # of the pixels, from `about`
+    # of the pixels, from `about`
+    middle = (pixels - pinhole.project(P, about)).reshape(J.shape[1:])
     squares = np.stack([J[i] * J[j] for i, j in zip(*triangulation.UPPER_INDICES, strict=True)])
     variance = max(sigma, LEAST_PX) ** 2
     tau = np.full(middle.shape, 1 / (variance + 1 / 12))

@@ -12,7 +12,7 @@ curves of one group, and one figure shows all of them.
 
 import tomllib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -166,15 +166,17 @@ class Effect:
 def estimate_effects(opened: Cubes, factor: Factor) -> list[Effect]:
     """Estimate one :class:`Effect` for each group.
 
-    Cubes that remember what is derived of them (`derived`) are asked once for each factor.
+    Cubes that remember what is derived of them (`derived`) are asked once for each group.
     """
     remembered: dict[Factor, list[Effect]] = getattr(opened, "derived", {})
-    if factor not in remembered:
-        by: dict[str, list[Curve]] = {}
-        for curve in read_curves(opened, factor):
-            by.setdefault(curve.group, []).append(curve)
-        remembered[factor] = [_estimate_effect(group, by[group], factor) for group in by]
-    return remembered[factor]
+    found = []
+    for group in dict.fromkeys(group for group, *_ in factor.sources):
+        alone = replace(factor, sources=tuple(one for one in factor.sources if one[0] == group))
+        if alone not in remembered:
+            curves = [*read_curves(opened, alone)]
+            remembered[alone] = [_estimate_effect(group, curves, alone)] if curves else []
+        found += remembered[alone]
+    return found
 
 
 def _estimate_effect(group: str, curves: list[Curve], factor: Factor) -> Effect:

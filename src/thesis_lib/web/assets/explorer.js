@@ -2,8 +2,8 @@
 import { createShapes, createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
-  asked, button, clamp, copyButton, field, fill, fixed, followWidth, html, isNumber, keep,
-  options, radios, select, show,
+  asked, button, clamp, copyButton, field, fill, followWidth, html, isNumber, keep,
+  options, percentInView, radios, select, show,
 } from "./parts.js";
 import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
@@ -250,7 +250,7 @@ function render({ model, el }) {
     const spread = few ? ""
       : ` (${show(bands[0][1])}–${show(bands[0][2])} % over random pixel grids)`;
     const words = `ean error ${percent(errors.mean)}${spread}; predicted ${percent(predicted)}`;
-    const seen = inView === 1 ? "100" : fixed(Math.floor(1000 * inView) / 10, 1);
+    const seen = percentInView(inView);
     const cut = [`Only ${seen} % of marker images are in view: move back or shorten the lens. `,
       html("span", {}, `Sensors large enough for all would give: m${words}.`)];
     status.replaceChildren(

@@ -20,7 +20,7 @@ const COLUMNS = [["place", "Place"], ["case", "Case"], ["mode", "Mode"], ["what"
 const { compare } = new Intl.Collator("en", { numeric: true }); // figure 3.4 before figure 3.10
 const rank = (verdict) => VERDICTS.indexOf(verdict);
 const SORTS = { // words, and how two rows compare; what has no ratio comes last
-  "": ["as listed", (a, b) => a.at - b.at],
+  "": ["as listed", () => 0],
   place: ["place", (a, b) => a.chapter - b.chapter || compare(a.place, b.place)],
   verdict: ["verdict", (a, b) => rank(a.verdict) - rank(b.verdict)],
   ratio: ["ratio ↑", (a, b) => (a.ratio ?? Infinity) - (b.ratio ?? Infinity) || 0],
@@ -44,8 +44,8 @@ function secondLine(row) {
       row.command && html("p", {}, "Run again: ", code, " ", copy),
       html("p", {}, "Link: ", html("a", { href: `#claim-${row.id}` }, row.id))));
 }
-function claimOf(given, at) {
-  const row = { ...given, at }, body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
+function claimOf(row) {
+  const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
   const word = row.note_href ? "why" : row.note ? "note" : "more";
   const name = `${word} about ${row.place}: ${row.what}`; // the word too, for those who speak it
   const toggle = button(word, { "aria-expanded": false, "aria-label": name }, () => {

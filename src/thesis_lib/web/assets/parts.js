@@ -57,6 +57,8 @@ export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−"
 const digitsOf = (value) =>
   3 - [99.5, 0.995, 0.095].filter((least) => Math.abs(value || 0.1) >= least).length;
 export const show = (value) => (isNumber(value) ? fixed(value, digitsOf(value)) : "–");
+export const percentInView = (share) => // never 100 while one is not
+  (share >= 1 ? "100" : fixed(Math.floor(1000 * share) / 10, 1));
 export function range(low, high) {
   if (!isNumber(high)) return `at least ${show(low)} %`;
   if (!isNumber(low)) return `up to ${show(high)} %`;

@@ -3,8 +3,8 @@
 import { createBars } from "./bars.js";
 import { createImage, createMotion } from "./motion.js";
 import {
-  KINDS, asked, field, figure, fill, fixed, followWidth, html, icon, isNumber, keep,
-  mark, path, radios, range, select, show, svg, swatch,
+  KINDS, asked, field, figure, fill, followWidth, html, icon, isNumber, keep,
+  mark, path, percentInView, radios, range, select, show, svg, swatch,
 } from "./parts.js";
 import { hemisphereCameras, radians } from "./pinhole.js";
 import { createSketch } from "./sketch.js";
@@ -62,7 +62,7 @@ function createStudy(model) {
     nodalWords: ({ name, mean }) =>
       (name && !isNumber(mean) ? `${name}: ${study.data.nodal_note}` : ""),
     inView: ({ in_view: share }) => (!isNumber(share) ? null : share >= 1 ? "all markers in view"
-      : `${fixed(Math.floor(share * 1000) / 10, 1)} % of marker images on the sensor`),
+      : `${percentInView(share)} % of marker images on the sensor`),
     describe(i) {
       const { deflection } = study.results()[i];
       const parts = study.errors(i).flatMap((error) => study.nodalWords(error) || [
