@@ -211,6 +211,7 @@ _SOFT_PX = 2.0  # width s of an edge; 0.5 to 1.4 on cameras that sharpen, 3 at a
 _MIN_BLUR_PX, _MAX_BLUR_PX = 0.5, 8.0
 _LARGE_TILE_PX = 100.0  # corners of larger tiles are first fitted on a reduced image
 _MAX_STEPS = 8
+_CORNERS_AT_ONCE = 16  # whose pixels and derivatives stay in the processor's cache
 _CONVERGED_PX = 1e-4  # change of all corners below which the fit stops: 5e-6 px are left then
 _REFINEMENT_ROUNDS = 3  # curvatures, and starts of corners that strayed, come from the round before
 
@@ -267,7 +268,7 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
         small = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
         grid = reduction * _refine_grid(small, grid / reduction, seen, board)[0]
         reduction //= 2
-    grid, start, state, misfit, asymmetry = _refine_grid(image, grid, seen, board)
+    grid, start, state, residual, weight = _refine_grid(image, grid, seen, board)
     moved, spacing = np.linalg.norm(state[:2] - start[:, seen], axis=0), _corner_spacing(grid)[seen]
     worst = int(np.argmax(moved / spacing))
     if not moved[worst] <= _MAX_FITTED_OFFSET * spacing[worst]:
@@ -275,6 +276,9 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
     parity = np.indices(seen.shape).sum(0)[seen] % 2
     if len(np.unique(np.sign(state[5]) * (1 - 2 * parity))) != 1:
         raise BoardNotFound("false grid: light and dark tiles do not alternate")
+    with np.errstate(invalid="ignore", divide="ignore"):  # a corner without pixels has no misfit
+        misfit = np.sqrt(np.sum(weight * residual**2, axis=1) / weight.sum(axis=1))
+    asymmetry = _rms_asymmetry(residual, weight, state[:2] - np.floor(start[:, seen]))
     _check_residuals(misfit / np.abs(state[5]), asymmetry / np.abs(state[5]), state[6])
     smooth = _smooth_grid(grid, seen, board)
     _check_grid(np.where(seen, grid, smooth), smooth, _MAX_FITTED_OFFSET)
@@ -324,8 +328,8 @@ def _refine_grid(
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Fit the corners in rounds.
 
-    Returns the grid (2, ny, nx), where the last round started, and what :func:`_fit_corners`
-    returns of it.
+    Returns the grid (2, ny, nx), where the last round started, its states (7, corners) of
+    :func:`_model_levels`, and the residuals in grey levels and weights (corners, n) of its windows.
     """
     beside = (1 - board.mark / board.tile) / 2 if board.mark else np.inf
     for _ in range(_REFINEMENT_ROUNDS):
@@ -333,37 +337,37 @@ def _refine_grid(
         grid = np.where(seen, grid, smooth)
         astray = np.linalg.norm(grid - smooth, axis=0) > _MAX_FITTED_OFFSET * _corner_spacing(grid)
         start = np.where(astray, smooth, grid)
-        state, misfit, asymmetry = _fit_corners(image, start, seen, beside)
+        steps = np.stack([np.gradient(start, axis=axis) for axis in (2, 1)])[:, :, seen]
+        bend = np.stack([_grid_curvature(start), _grid_curvature(start.swapaxes(1, 2)).T])[:, seen]
+        pixels, weight, grey = _cut_windows(image, start[:, seen], steps, beside)
+        angles = np.arctan2(steps[:, 1], steps[:, 0])
+        state = _fit_corners(pixels, weight, grey, start[:, seen], angles, bend)
         grid = start.copy()
         grid[:, seen] = state[:2]
-    return grid, start, state, misfit, asymmetry
+    return grid, start, state, grey - _model_levels(pixels, state, bend), weight
 
 
 def _fit_corners(
-    image: Image, grid: Array, seen: Mask, beside: float
-) -> tuple[Array, Array, Array]:
-    """Fit the corners that are seen to the grey levels by Gauss–Newton, all at once.
+    pixels: Array, weight: Array, grey: Array, start: Array, angles: Array, bend: Array
+) -> Array:
+    """Fit the corners to the grey levels of their windows by Gauss–Newton, all at once.
 
-    Returns the states (7, corners) of :func:`_model_edges`, and the rms (corners,) of the residuals
-    and of their asymmetric part in grey levels.
+    Returns the states (7, corners) of :func:`_model_levels`, from starts and angles (2, corners).
     """
-    start = grid[:, seen]
-    steps = np.stack([np.gradient(grid, axis=axis) for axis in (2, 1)])[:, :, seen]
-    angles = np.arctan2(steps[:, 1], steps[:, 0])
-    bend = np.stack([_grid_curvature(grid), _grid_curvature(grid.swapaxes(1, 2)).T])[:, seen]
-    pixels, weight, grey = _cut_windows(image, start, steps, beside)
-    light, dark = (np.quantile(grey, q, axis=1) for q in (0.9, 0.1))
+    light, dark = np.quantile(grey, [0.9, 0.1], axis=1)
+    used = weight.any(axis=0)  # in the window of any corner
+    pixels, weight, grey = pixels[:, :, used], weight[:, used], grey[:, used]
     centre, half = (light + dark) / 2, (light - dark) / 2
     state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
-    pattern = _model_edges(pixels, state, bend)[0] - centre[:, None]
+    pattern = _model_levels(pixels, state, bend) - centre[:, None]
     state[5] *= np.sign(np.sum(weight * pattern * (grey - centre[:, None]), axis=1))
-    used = weight.any(axis=0)  # in the window of any corner
-    near, inside, seen_grey = pixels[:, :, used], weight[:, used], grey[:, used]
+    parts = [slice(k, k + _CORNERS_AT_ONCE) for k in range(0, len(half), _CORNERS_AT_ONCE)]
     for _ in range(_MAX_STEPS):
-        model, J = _model_edges(near, state, bend)
-        A = J * inside
-        normal = np.einsum("ipn,jpn->pij", A, J, optimize=True)
-        right = np.einsum("ipn,pn->pi", A, seen_grey - model)
+        equations = [
+            _normal_equations(pixels[:, p], state[:, p], bend[:, p], weight[p], grey[p])
+            for p in parts
+        ]
+        normal, right = (np.concatenate(part) for part in zip(*equations, strict=True))
         scale = np.sqrt(np.einsum("pii->pi", normal)) + 1e-12
         normal /= scale[:, :, None] * scale[:, None, :]
         normal += 1e-9 * np.eye(7)
@@ -372,10 +376,17 @@ def _fit_corners(
         state[6] = np.clip(np.abs(state[6]), _MIN_BLUR_PX, _MAX_BLUR_PX)
         if np.abs(step[:2]).max() < _CONVERGED_PX:
             break
-    residual = grey - _model_edges(pixels, state, bend)[0]
-    with np.errstate(invalid="ignore", divide="ignore"):  # a corner without pixels has no misfit
-        misfit = np.sqrt(np.sum(weight * residual**2, axis=1) / weight.sum(axis=1))
-    return state, misfit, _rms_asymmetry(residual, weight, state[:2] - np.floor(start))
+    return state
+
+
+def _normal_equations(
+    pixels: Array, state: Array, bend: Array, weight: Array, grey: Array
+) -> tuple[Array, Array]:
+    """Return matrices (corners, 7, 7) and right sides (corners, 7) of a step of the fit."""
+    model, J = _model_edges(pixels, state, bend)
+    A = J * weight
+    right = np.einsum("ipn,pn->pi", A, grey - model)
+    return A.transpose(1, 0, 2) @ J.transpose(1, 2, 0), right
 
 
 def _rms_asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
@@ -439,27 +450,45 @@ def _cut_windows(
     return pixels, inside.astype(float), grey
 
 
-def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
-    """Return the grey levels (corners, n) and their derivatives (7, corners, n).
+def _edge_distances(pixels: Array, state: Array, bend: Array) -> list[tuple[Array, Array, Array]]:
+    """Return along and across each edge the distances of pixels, and those from the bent edge."""
+    du, dv = pixels - state[:2, :, None]
+    distances = []
+    for angle, kappa in zip(state[2:4, :, None], bend[:, :, None], strict=True):
+        cos, sin = np.cos(angle), np.sin(angle)
+        t, d = cos * du + sin * dv, cos * dv - sin * du
+        distances.append((t, d, d - kappa * t**2 / 2))
+    return distances
+
+
+def _model_levels(pixels: Array, state: Array, bend: Array) -> Array:
+    """Return the grey levels (corners, n) of pixels (2, corners, n).
 
     The state (7, corners) is u, v, the angles of the edges along x and y, the mean grey level, the
     signed half contrast and the blur's width s.
     """
-    u, v, angle_x, angle_y, mean, half, s = state[:, :, None]
-    du, dv = pixels[0] - u, pixels[1] - v
+    mean, half, s = state[4:, :, None]
+    f, g = (scipy.special.erf(curved / s) for *_, curved in _edge_distances(pixels, state, bend))
+    return mean + half * f * g
+
+
+def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
+    """Return the grey levels of :func:`_model_levels` and their derivatives (7, corners, n)."""
+    angles, (mean, half, s) = state[2:4, :, None], state[4:, :, None]
     edges = []
-    for angle, kappa in zip((angle_x, angle_y), bend[:, :, None], strict=True):
+    for angle, kappa, (t, d, curved) in zip(
+        angles, bend[:, :, None], _edge_distances(pixels, state, bend), strict=True
+    ):
         cos, sin = np.cos(angle), np.sin(angle)
-        t, d = cos * du + sin * dv, cos * dv - sin * du
-        curved = d - kappa * t**2 / 2
-        slope = 2 / np.sqrt(np.pi) * np.exp(-((curved / s) ** 2)) / s
-        by_centre = sin + kappa * t * cos, -cos + kappa * t * sin
-        edges.append((scipy.special.erf(curved / s), slope, curved, *by_centre, -t - kappa * t * d))
+        scaled, bent = curved / s, kappa * t
+        slope = 2 / np.sqrt(np.pi) * np.exp(-(scaled**2)) / s
+        by_centre = sin + bent * cos, -cos + bent * sin
+        edges.append((scipy.special.erf(scaled), slope, curved, *by_centre, -t - bent * d))
     (f, df, x, *f_centre, f_angle), (g, dg, y, *g_centre, g_angle) = edges
     fg, gf = half * g * df, half * f * dg
     centre = [fg * one + gf * other for one, other in zip(f_centre, g_centre, strict=True)]
-    angles = [fg * f_angle, gf * g_angle]
-    J = np.stack([*centre, *angles, np.ones_like(f), f * g, -(fg * x + gf * y) / s])
+    turned = [fg * f_angle, gf * g_angle]
+    J = np.stack([*centre, *turned, np.ones_like(f), f * g, -(fg * x + gf * y) / s])
     return mean + half * f * g, J
 
 
