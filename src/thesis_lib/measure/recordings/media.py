@@ -20,7 +20,7 @@ from typing import Any, Literal
 import av
 import cv2
 import numpy as np
-from av.video.reformatter import ColorRange
+from av.video.reformatter import ColorRange, VideoReformatter
 
 from thesis_lib.arrays import Array, ArrayLike, Image, IntArray, NDArray
 from thesis_lib.files import whole_file
@@ -164,7 +164,7 @@ def read_frames(
     info = probe_media(path)
     with open_media(path) as file:
         timed = clock is None and file.format.name not in media_info.UNTIMED_FORMATS
-        k, previous = 0, np.nan
+        k, previous, converter = 0, np.nan, VideoReformatter()  # one: to set it up takes a while
         frames = media_info.decode_frames(file, media_info.video_track(file, path), path)
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
@@ -172,17 +172,24 @@ def read_frames(
                 between = f"between {previous:.3f} s and {time:.3f} s"
                 raise MediaError(f"{path}: frame {k} is missing, {between}")
             if k >= start:
-                yield _show_frame(frame, info.depth)
+                yield _show_frame(frame, info.depth, converter)
             k, previous = k + 1, time
         wanted = stop if stop is not None else info.frames if clock is None else len(clock)
         if wanted is not None and k < wanted:
             raise MediaError(f"{path}: ends before frame {k}, of {wanted} frames")
 
 
-def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
+def _show_frame(frame: av.VideoFrame, depth: int, converter: VideoReformatter) -> Image:
     """Return a frame in gray, as it is to be shown, uint8 of shape (height, width)."""
-    deep = depth < 16 and frame.format.components[0].bits == 16
-    image: NDArray[Any] = frame.to_ndarray(format="gray16le" if deep else "gray")
+    luma = frame.format.components[0]
+    deep = depth < 16 and luma.bits == 16
+    image: NDArray[Any]
+    full = frame.format.is_planar and frame.color_range == ColorRange.JPEG
+    if full and luma.is_luma and luma.bits == 8:  # as it is
+        rows = np.frombuffer(bytes(frame.planes[0]), np.uint8)
+        image = rows.reshape(-1, frame.planes[0].line_size)[: frame.height, : frame.width]
+    else:
+        image = converter.reformat(frame, format="gray16le" if deep else "gray").to_ndarray()
     image = _highest_bits(image, depth) if deep else image
     transposed, mirrored, flipped = media_info.orientation_of(frame)
     image = image.T if transposed else image
