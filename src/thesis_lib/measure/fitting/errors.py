@@ -291,15 +291,15 @@ def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
     seen, rest, reach = [], [], 0.5  # px
     for old, new, own, still in zip(fit.cameras, cameras, fit.harmonics, fit.rest, strict=True):
         mean = own.coefficients[0]
-        slopes = [  # harmonics are undistorted to first order about their mean
-            (_undistort_again(old, new, mean + by) - _undistort_again(old, new, mean - by))
-            / (2 * reach)
-            for by in reach * np.eye(2)[:, :, None]
-        ]
-        moved = np.einsum("inm,kim->knm", np.array(slopes), own.coefficients[1:])
-        constant = _undistort_again(old, new, mean)
+        ways = reach * np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [0, 0]])
+        places = np.stack([*(mean + way[:, None] for way in ways), still], axis=1)
+        found = _undistort_again(old, new, places).swapaxes(0, 1)  # at once: far quicker
+        right, left, below, above, constant, resting = found
+        # Harmonics are undistorted to first order about their mean
+        slopes = np.stack([right - left, below - above]) / (2 * reach)
+        moved = np.einsum("inm,kim->knm", slopes, own.coefficients[1:])
         seen.append(replace(own, coefficients=np.concatenate([constant[None], moved])))
-        rest.append(_undistort_again(old, new, still))
+        rest.append(resting)
     return harmonics.combine_fit(list(cameras), seen, np.array(rest), markers)
 
 
