@@ -1,9 +1,8 @@
 """The whole chain on a folder of recordings: check, calibrate, synchronise, track, fit, report."""
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -177,24 +176,22 @@ def measure_shape(
     say("fitting the deflection")
     data, moved = fit_deflection(manifest, inputs)
     videos = [folder / camera.video for camera in manifest.cameras]
-    firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
-    seen = figures.collect_diagnostics(data, moved, manifest, inputs.recordings)
-    radiated, sound = _radiate(data, manifest)
-    report = build.build_shape(data, seen, manifest, firsts, sound)
     own, slow = inputs.recordings[0], min(1.0, 1 / (2 * float(data["frequency"])))
     rings = animation.draw_tracks(own, videos[0], float(data["steady"][0]))
-    with (
-        _results_folder(out, say, report, inputs, radiated) as part,
-        ThreadPoolExecutor(1) as thread,
-    ):
+    with staging(out) as part, ThreadPoolExecutor(1) as thread:
         # Slowed so that a period of the vibration takes two seconds at least
         film = part / "tracked.mp4", rings, max(slow * own.rate, 1.0)
         filmed = thread.submit(animation.write_mp4, *film)  # next to all else
+        firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
+        seen = figures.collect_diagnostics(data, moved, manifest, inputs.recordings)
+        radiated, sound = _radiate(data, manifest)
+        report = build.build_shape(data, seen, manifest, firsts, sound)
         storage.write_netcdf(data, part / "measured.nc")
         text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, data, moved, inputs.recordings)
         animation.write_shape(part / "shape", data)
         filmed.result()
+        _put_results(part, out, say, report, inputs, radiated)
     return report
 
 
@@ -210,9 +207,10 @@ def measure_motion(
     data.attrs.update(_describe_inputs(manifest, inputs, "Motion over a force"))
     report = build.build_response(data, manifest)
     alone = manifest.excitation.behaviour.result == "response"
-    with _results_folder(out, say, report, inputs if alone else None) as part:
+    with staging(out) as part:
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, data)
+        _put_results(part, out, say, report, inputs if alone else None)
     if alone:
         return report
     printed = _lines_of(report)
@@ -244,33 +242,32 @@ def measure_modes(
         moved = schema.with_origin(found, data.attrs["source"])
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
-    with _results_folder(out, say, report, inputs, radiated) as part:
+    with staging(out) as part:
         storage.write_netcdf(data, part / "modes.nc")
         text_files.write_csv(build.tabulate_modes(data), part / "modes.csv")
         text_files.write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         files.write_formats(part, data, moved, recordings)
         for k in range(data.sizes["mode"]):
             animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))
+        _put_results(part, out, say, report, inputs, radiated)
     return report
 
 
-@contextmanager
-def _results_folder(
+def _put_results(
+    part: Path,
     out: Path,
     say: Say,
     report: build.Report,
     inputs: Recorded | None,
     radiated: xr.Dataset | None = None,
-) -> Iterator[Path]:
-    """Give a folder whose files go to `out` in the end, with the report if there are inputs."""
-    with staging(out) as part:
-        yield part
-        if inputs is not None:  # else the report is a part of another one
-            storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
-            report.write_files(part)
-        if radiated is not None:
-            write_sound(part, radiated)
-        put_files(part, out)
+) -> None:
+    """Put all files of a folder to `out`, with the report if there are inputs, and print it."""
+    if inputs is not None:  # else the report is a part of another one
+        storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
+        report.write_files(part)
+    if radiated is not None:
+        write_sound(part, radiated)
+    put_files(part, out)
     for line in _lines_of(report):
         say(line)
 

@@ -63,6 +63,8 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
         bar = figure.add_axes((0.25, 0.1, 0.5, 0.025))
         painted = ScalarMappable(Normalize(-most, most), SHAPE_COLORMAP)
         figure.colorbar(painted, cax=bar, orientation="horizontal", label="deflection in mm")
+        still = _draw_canvas(canvas)
+        bar.set_visible(False)  # it is drawn once
         frames = []
         for k in range(FRAMES_A_PERIOD):
             w = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES_A_PERIOD))
@@ -75,11 +77,15 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
                 mean = painted.to_rgba(w[corners].mean(axis=1))
                 faces = Poly3DCollection(points[corners], facecolors=mean)
                 drawn.append(axes.add_collection3d(faces))
-            canvas.draw()
-            frames.append(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+            frames.append(np.minimum(_draw_canvas(canvas), still))  # both are on white
             for artist in drawn:
                 artist.remove()
     return frames
+
+
+def _draw_canvas(canvas: FigureCanvasAgg) -> Frame:
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
 def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
@@ -110,10 +116,11 @@ def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
 
 
 def write_gif(path: Path, frames: list[Frame], rate: float) -> None:
-    """Write frames as a GIF that goes on for ever."""
-    plain = Pictures.Dither.NONE
-    first, *others = [Pictures.fromarray(one).quantize(128, dither=plain) for one in frames]
-    how: Any = {"duration": round(1000 / rate), "save_all": True, "append_images": others}
+    """Write frames as a GIF that goes on for ever, in one palette from every third of them."""
+    how: Any = {"dither": Pictures.Dither.NONE, "method": Pictures.Quantize.MAXCOVERAGE}
+    palette = Pictures.fromarray(np.concatenate(frames[::3])).quantize(**how)
+    first, *others = [Pictures.fromarray(one).quantize(palette=palette, **how) for one in frames]
+    how = {"duration": round(1000 / rate), "save_all": True, "append_images": others}
     first.save(path, "GIF", loop=0, optimize=False, **how)
 
 
