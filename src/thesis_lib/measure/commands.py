@@ -72,7 +72,7 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
         manifest, lines = write(folder, given)
     echo(*lines)
     name = shlex.quote(str(manifest))
-    echo(f"Now look through {name}, and ask: thesis measure --check {name}")
+    echo(f"Now look through {name}, and run: thesis measure --check {name}")
 
 
 def check_manifest(manifest: Manifest, folder: Path, out: Path | None, as_json: bool) -> None:
@@ -195,7 +195,7 @@ def stand(manifest: Path, file: Path, paper: str) -> None:
     help="Folder to write to.",
 )
 def sync(videos: tuple[Path, ...], out: Path) -> None:
-    """Find by their sound when VIDEOS started and how their clocks drift. None is changed."""
+    """Find by their sound when VIDEOS started and how their clocks drift; change none of them."""
     if len(videos) < 2:
         raise click.UsageError("sync: given one video, allowed: two or more of one event")
     if len({video.absolute() for video in videos}) < len(videos):
@@ -219,7 +219,7 @@ def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     """Convert images, raw frames (.cih, .cihx) or a film to a video at its true rate.
 
     Nothing is lost except the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
-    given; a file that is there is not replaced.
+    given; an existing file is not replaced.
     """
     from thesis_lib.measure.recordings.media import pack_frames
     from thesis_lib.measure.recordings.media_info import MediaError
