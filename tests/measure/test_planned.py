@@ -25,7 +25,7 @@ def test_one_command_in_an_empty_place_makes_what_the_check_reads(tmp_path):
     assert first.startswith("4 cameras, ")
     assert "not given, so assumed: -p cameras.focal_length_mm=26.0" in assumed
     assert not any("length_mm=600" in line or "amplitude_mm" in line for line in assumed)
-    assert last.endswith("ask: thesis measure --check plate/planned.yaml")
+    assert last.endswith("thesis measure --check plate/planned.yaml")
     made = read_manifest(tmp_path / "plate" / "planned.yaml", check_files=False)
     assert made == prediction.draft_manifest(PLATE)
     checked = thesis("measure", "--check", "plate/planned.yaml", cwd=tmp_path)
