@@ -329,7 +329,7 @@ def _refine_grid(
     """Fit the corners in rounds.
 
     Returns the grid (2, ny, nx), where the last round started, its states (7, corners) of
-    :func:`_model_levels`, and the residuals in grey levels and weights (corners, n) of its windows.
+    :func:`_model_edges`, and the residuals in grey levels and weights (corners, n) of its windows.
     """
     beside = (1 - board.mark / board.tile) / 2 if board.mark else np.inf
     for _ in range(_REFINEMENT_ROUNDS):
@@ -344,7 +344,7 @@ def _refine_grid(
         state = _fit_corners(pixels, weight, grey, start[:, seen], angles, bend)
         grid = start.copy()
         grid[:, seen] = state[:2]
-    return grid, start, state, grey - _model_levels(pixels, state, bend), weight
+    return grid, start, state, grey - _model_edges(pixels, state, bend, False)[0], weight
 
 
 def _fit_corners(
@@ -352,14 +352,14 @@ def _fit_corners(
 ) -> Array:
     """Fit the corners to the grey levels of their windows by Gauss–Newton, all at once.
 
-    Returns the states (7, corners) of :func:`_model_levels`, from starts and angles (2, corners).
+    Returns the states (7, corners) of :func:`_model_edges`, from starts and angles (2, corners).
     """
     light, dark = np.quantile(grey, [0.9, 0.1], axis=1)
     used = weight.any(axis=0)  # in the window of any corner
     pixels, weight, grey = pixels[:, :, used], weight[:, used], grey[:, used]
     centre, half = (light + dark) / 2, (light - dark) / 2
     state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
-    pattern = _model_levels(pixels, state, bend) - centre[:, None]
+    pattern = _model_edges(pixels, state, bend, False)[0] - centre[:, None]
     state[5] *= np.sign(np.sum(weight * pattern * (grey - centre[:, None]), axis=1))
     parts = [slice(k, k + _CORNERS_AT_ONCE) for k in range(0, len(half), _CORNERS_AT_ONCE)]
     for _ in range(_MAX_STEPS):
@@ -450,46 +450,37 @@ def _cut_windows(
     return pixels, inside.astype(float), grey
 
 
-def _edge_distances(pixels: Array, state: Array, bend: Array) -> list[tuple[Array, Array, Array]]:
-    """Return along and across each edge the distances of pixels, and those from the bent edge."""
-    du, dv = pixels - state[:2, :, None]
-    distances = []
-    for angle, kappa in zip(state[2:4, :, None], bend[:, :, None], strict=True):
-        cos, sin = np.cos(angle), np.sin(angle)
-        t, d = cos * du + sin * dv, cos * dv - sin * du
-        distances.append((t, d, d - kappa * t**2 / 2))
-    return distances
-
-
-def _model_levels(pixels: Array, state: Array, bend: Array) -> Array:
-    """Return the grey levels (corners, n) of pixels (2, corners, n).
+def _model_edges(
+    pixels: Array, state: Array, bend: Array, derivatives: bool = True
+) -> tuple[Array, Array]:
+    """Return the grey levels (corners, n) and, if asked for, their derivatives (7, corners, n).
 
     The state (7, corners) is u, v, the angles of the edges along x and y, the mean grey level, the
     signed half contrast and the blur's width s.
     """
-    mean, half, s = state[4:, :, None]
-    f, g = (scipy.special.erf(curved / s) for *_, curved in _edge_distances(pixels, state, bend))
-    return mean + half * f * g
-
-
-def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
-    """Return the grey levels of :func:`_model_levels` and their derivatives (7, corners, n)."""
-    angles, (mean, half, s) = state[2:4, :, None], state[4:, :, None]
+    u, v, *angles, mean, half, s = state[:, :, None]
+    du, dv = pixels[0] - u, pixels[1] - v
     edges = []
-    for angle, kappa, (t, d, curved) in zip(
-        angles, bend[:, :, None], _edge_distances(pixels, state, bend), strict=True
-    ):
+    for angle, kappa in zip(angles, bend[:, :, None], strict=True):
         cos, sin = np.cos(angle), np.sin(angle)
+        t, d = cos * du + sin * dv, cos * dv - sin * du
+        curved = d - kappa * t**2 / 2
         scaled, bent = curved / s, kappa * t
-        slope = 2 / np.sqrt(np.pi) * np.exp(-(scaled**2)) / s
-        by_centre = sin + bent * cos, -cos + bent * sin
-        edges.append((scipy.special.erf(scaled), slope, curved, *by_centre, -t - bent * d))
-    (f, df, x, *f_centre, f_angle), (g, dg, y, *g_centre, g_angle) = edges
+        edge = [scipy.special.erf(scaled)]
+        if derivatives:
+            slope = 2 / np.sqrt(np.pi) * np.exp(-(scaled**2)) / s
+            edge += [slope, curved, sin + bent * cos, -cos + bent * sin, -t - bent * d]
+        edges.append(edge)
+    (f, *by_f), (g, *by_g) = edges
+    levels = mean + half * f * g
+    if not derivatives:
+        return levels, np.empty(0)
+    (df, x, *f_centre, f_angle), (dg, y, *g_centre, g_angle) = by_f, by_g
     fg, gf = half * g * df, half * f * dg
     centre = [fg * one + gf * other for one, other in zip(f_centre, g_centre, strict=True)]
     turned = [fg * f_angle, gf * g_angle]
     J = np.stack([*centre, *turned, np.ones_like(f), f * g, -(fg * x + gf * y) / s])
-    return mean + half * f * g, J
+    return levels, J
 
 
 def _check_residuals(misfit: Array, asymmetry: Array, blur: Array) -> None:
