@@ -15,7 +15,7 @@ from thesis_lib.figure_sets.planner.figure_set import THESIS_QUESTIONS
 from thesis_lib.figure_sets.planner.figures import coarse_options
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.plotting.selection import select_settings
-from thesis_lib.vision import cone_law
+from thesis_lib.vision import dither
 
 pytestmark = pytest.mark.book
 
@@ -96,7 +96,7 @@ def test_least_squares_is_as_good_with_any_number_at_equal_pixels():
 
 def test_a_swing_leaves_on_average_what_the_page_says():
     swing = np.linspace(2, 10, 2000)
-    left = np.array([cone_law.fitted_amplitude_error(a) for a in swing]) * np.sqrt(swing)
+    left = np.sqrt(dither.amplitude_variance(swing) * swing)
     assert np.sqrt(np.mean(left**2)) == pytest.approx(0.11, abs=0.002)
     assert 0.35 < left.min() / 0.11 < 0.45
     assert 1.35 < left.max() / 0.11 < 1.45

@@ -10,7 +10,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law import shares as design_shares, sweeps as design_sweeps
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.cubes import read_published
-from thesis_lib.vision import cone_law, rounding, simulation
+from thesis_lib.vision import cone_law, dither, rounding, simulation
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import point_covariance, triangulate
 
@@ -153,7 +153,7 @@ def test_swing_error_is_that_of_a_long_film_on_every_grid(conforms, amplitude):
     seen = np.rint(amplitude * np.cos(turn) + shift) - shift
     error = 2 * np.mean(seen * np.cos(turn), axis=1) - amplitude
     found = np.sqrt(np.mean(error**2))
-    conforms.sampled(cone_law.fitted_amplitude_error(amplitude), found, rtol=5e-3)
+    conforms.sampled(np.sqrt(dither.amplitude_variance(amplitude)), found, rtol=5e-3)
 
 
 @pytest.mark.slow
@@ -161,13 +161,13 @@ def test_swing_error_is_that_of_a_long_film_on_every_grid(conforms, amplitude):
 def test_little_is_left_to_gain_after_the_useful_frames(conforms, amplitude):
     random = np.random.default_rng(0)
     peaks = amplitude * (0.75 + 0.5 * (np.arange(4000) + 0.5) / 4000)[:, None]
-    n = round(float(cone_law.useful_frames(peaks[:, 0])))
+    n = round(float(dither.useful_frames(peaks[:, 0])))
     turn = random.uniform(0, 2 * np.pi, peaks.shape) + np.pi * (3 - np.sqrt(5)) * np.arange(n)
     shift = random.uniform(-0.5, 0.5, peaks.shape)
     basis = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=2)
     seen = np.rint(peaks * basis[..., 0] + shift) - shift
     error = (np.linalg.pinv(basis) @ seen[..., None])[:, 0, 0] - peaks[:, 0]
-    floor = np.sqrt(np.mean(cone_law.fitted_amplitude_error(peaks) ** 2))
+    floor = np.sqrt(np.mean(dither.amplitude_variance(peaks)))
     conforms.sampled(np.sqrt(np.mean(error**2)) / floor, above=1, below=1.25)
 
 

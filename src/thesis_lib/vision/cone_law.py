@@ -138,39 +138,6 @@ def pair_noise_error(
     return pair_deflection_error(distance, focal_px, *angles, sigma_px, sigma_px)
 
 
-def fitted_amplitude_error(amplitude_px: ArrayLike) -> Array:
-    """Return the rms error in px of an amplitude fitted to ever more rounded samples of a sinusoid.
-
-    One camera rounds all frames on one grid, so its errors repeat and do not average out. With
-    rint(x) − x = Σ (−1)ᵏ sin(2πkx) / (πk), the fundamental of a cos τ + s is wrong by
-    Σ (−1)ᵏ 2 J₁(2πka) cos(2πks) / (πk), and over random shifts s of the grid the mean square is
-
-        (2/π²) Σ J₁²(2πka) / k²,
-
-    which is near ζ(3) / (π⁴ a) for amplitudes a of some pixels, and 16 a / (3π²) for small ones.
-    """
-    from scipy.special import jv
-
-    a = np.asarray(amplitude_px, float)
-    k = np.arange(1, _SERIES_TERMS + 1)
-    series = np.sum((jv(1, 2 * np.pi * k * a[..., None]) / k) ** 2, axis=-1)
-    return np.asarray(np.sqrt(2 * series) / np.pi)
-
-
-def useful_frames(amplitudes_px: ArrayLike) -> Array:
-    """Return the useful number of frames: 1/6 px² over the mean square of `fitted_amplitude_error`.
-
-    An amplitude fitted to n independent roundings has the variance 1/(6n) px². At this n it has
-    come down to what repeated roundings leave for any n: about π⁴ a / (6 ζ(3)), or 13.5 a.
-
-    Parameters
-    ----------
-    amplitudes_px : array_like, shape (..., vibrations)
-        Amplitudes in px, over which is averaged.
-    """
-    return np.asarray(1 / (6 * np.mean(fitted_amplitude_error(amplitudes_px) ** 2, axis=-1)))
-
-
 def error_of_sum(positions_px: ArrayLike, weights: ArrayLike) -> Array:
     """Return the rms of weighted sums of rounding errors on one randomly shifted grid, shape (...).
 

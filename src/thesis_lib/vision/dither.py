@@ -42,9 +42,20 @@ def amplitude_variance(amplitude_px: ArrayLike, shake_px: ArrayLike = 0.0) -> Ar
     """Return variance of the amplitude 2⟨u cos θ⟩ fitted to endless frames of a rounded sinusoid.
 
     The fit leaves J₁ where the mean leaves J₀: Σ_k 2 J₁(2πka)² exp(−4π²k²s²) / (π²k²) px². Below
-    half a pixel most grids show no motion at all, and the others too much.
+    half a pixel most grids show no motion at all, and the others too much. Without
+    shake it is near 16 a / (3π²) for small amplitudes, and ζ(3) / (π⁴ a) for those of some pixels.
     """
     return _sum_harmonics(lambda k, a: 2 * j1(2 * np.pi * k * a) ** 2, amplitude_px, shake_px)
+
+
+def useful_frames(amplitudes_px: ArrayLike) -> Array:
+    """Return the useful number of frames: 1/6 px² over the mean of :func:`amplitude_variance`.
+
+    An amplitude fitted to n independent roundings has the variance 1/(6n) px². At this n it has
+    come down to what repeated roundings leave for any n: about π⁴ a / (6 ζ(3)), or 13.5 a. The mean
+    is over the last axis of the amplitudes (..., vibrations).
+    """
+    return np.asarray(1 / (6 * np.mean(amplitude_variance(amplitudes_px), axis=-1)))
 
 
 def shaken_variance(frames: int, shake_px: ArrayLike) -> Array:

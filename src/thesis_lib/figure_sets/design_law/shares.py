@@ -73,7 +73,7 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         **with_std("drawn_frame_error", percent * drawn),
         # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
         "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
-        "useful_frames": cone_law.useful_frames(
+        "useful_frames": dither.useful_frames(
             motion[..., None] * spread_factors(MAX_FITTED_TRIALS)
         ),
         "fit_error": percent * fit,
