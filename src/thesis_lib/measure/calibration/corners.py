@@ -361,13 +361,14 @@ def _fit_corners(
     state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
     pattern = _model_edges(pixels, state, bend, False)[0] - centre[:, None]
     state[5] *= np.sign(np.sum(weight * pattern * (grey - centre[:, None]), axis=1))
-    parts = [slice(k, k + _CORNERS_AT_ONCE) for k in range(0, len(half), _CORNERS_AT_ONCE)]
+    normal, right = np.empty((len(half), 7, 7)), np.empty((len(half), 7))
     for _ in range(_MAX_STEPS):
-        equations = [
-            _normal_equations(pixels[:, p], state[:, p], bend[:, p], weight[p], grey[p])
-            for p in parts
-        ]
-        normal, right = (np.concatenate(part) for part in zip(*equations, strict=True))
+        for k in range(0, len(half), _CORNERS_AT_ONCE):
+            p = slice(k, k + _CORNERS_AT_ONCE)
+            model, J = _model_edges(pixels[:, p], state[:, p], bend[:, p])
+            A = J * weight[p]
+            normal[p] = A.transpose(1, 0, 2) @ J.transpose(1, 2, 0)
+            right[p] = np.einsum("ipn,pn->pi", A, grey[p] - model)
         scale = np.sqrt(np.einsum("pii->pi", normal)) + 1e-12
         normal /= scale[:, :, None] * scale[:, None, :]
         normal += 1e-9 * np.eye(7)
@@ -377,16 +378,6 @@ def _fit_corners(
         if np.abs(step[:2]).max() < _CONVERGED_PX:
             break
     return state
-
-
-def _normal_equations(
-    pixels: Array, state: Array, bend: Array, weight: Array, grey: Array
-) -> tuple[Array, Array]:
-    """Return matrices (corners, 7, 7) and right sides (corners, 7) of a step of the fit."""
-    model, J = _model_edges(pixels, state, bend)
-    A = J * weight
-    right = np.einsum("ipn,pn->pi", A, grey - model)
-    return A.transpose(1, 0, 2) @ J.transpose(1, 2, 0), right
 
 
 def _rms_asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
