@@ -186,7 +186,7 @@ def _show_frame(frame: av.VideoFrame, depth: int, converter: VideoReformatter) -
     image: NDArray[Any]
     full = frame.format.is_planar and frame.color_range == ColorRange.JPEG
     if full and luma.is_luma and luma.bits == 8:  # as it is
-        rows = np.frombuffer(bytes(frame.planes[0]), np.uint8)
+        rows = np.frombuffer(memoryview(frame.planes[0]), np.uint8)
         image = rows.reshape(-1, frame.planes[0].line_size)[: frame.height, : frame.width]
     else:
         image = converter.reformat(frame, format="gray16le" if deep else "gray").to_ndarray()

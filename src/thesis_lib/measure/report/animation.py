@@ -117,10 +117,11 @@ def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
 
 def write_gif(path: Path, frames: list[Frame], rate: float) -> None:
     """Write frames as a GIF that goes on for ever, in one palette from every third of them."""
-    how: Any = {"dither": Pictures.Dither.NONE, "method": Pictures.Quantize.MAXCOVERAGE}
-    palette = Pictures.fromarray(np.concatenate(frames[::3])).quantize(**how)
-    first, *others = [Pictures.fromarray(one).quantize(palette=palette, **how) for one in frames]
-    how = {"duration": round(1000 / rate), "save_all": True, "append_images": others}
+    plain, coverage = Pictures.Dither.NONE, Pictures.Quantize.MAXCOVERAGE
+    palette = Pictures.fromarray(np.concatenate(frames[::3])).quantize(method=coverage)
+    images = [Pictures.fromarray(one).quantize(palette=palette, dither=plain) for one in frames]
+    first, *others = images
+    how: Any = {"duration": round(1000 / rate), "save_all": True, "append_images": others}
     first.save(path, "GIF", loop=0, optimize=False, **how)
 
 
