@@ -18,8 +18,10 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike
 
 UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
-# Points per block: intermediate results stay in cache, and the allocator reuses their memory.
-_BLOCK_POINTS, _BLOCK_VALUES = 6000, 72000  # the latter: camera × point values, for many cameras
+# Points, and camera × point values, per block at most. From some 28,000 values on they are no longer
+# in a processor's own cache of 1 MB: twice the time, and up to ten times beside a second process.
+_BLOCK_POINTS, _BLOCK_VALUES = 6000, 24000
+_COLUMNS = 8  # points whose sums BLAS forms alike wherever a block begins
 # Motion over depth in a step below which JᵀJ is kept: its change is of second order
 _MAX_FIXED_MOTION = 1e-5
 
@@ -50,8 +52,8 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     n = len(P)
     pixels = uv.reshape(n, 2, -1)
     points = np.empty((3, pixels.shape[2]))
-    block = max(1, min(_BLOCK_POINTS, _BLOCK_VALUES // n, pixels.shape[2]))
-    solver = _NormalEquations(P, block)
+    block = min(_BLOCK_POINTS, max(1, _BLOCK_VALUES // n // _COLUMNS) * _COLUMNS)
+    solver = _NormalEquations(P, min(block, points.shape[1]))
     with np.errstate(divide="ignore", invalid="ignore"):  # degenerate rays end as NaN or inf
         for start in range(0, points.shape[1], block):
             part = slice(start, start + block)

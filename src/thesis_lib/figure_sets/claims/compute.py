@@ -43,7 +43,7 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 from thesis_lib.files import cache_folder
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_differences, list_entries
-from thesis_lib.studies import cubes, request, storage, workers
+from thesis_lib.studies import cubes, request, storage
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration import structure as structures
 from thesis_lib.vision.pinhole import hemisphere_directions
@@ -282,9 +282,8 @@ def run_readings(study: Claims) -> xr.Dataset:
     chosen = [READINGS[name] for name in dict.fromkeys([ADOPTED_READING, *study.readings])]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables say so
-        judge = partial(judge_interpretation, seed=study.seed, trials=study.trials, same={})
-        made = [judge(chosen[0])]  # first alone: the others share with it
-        made += workers.map_in_pairs(judge, chosen[1:])
+        known: dict[str, Any] = {}
+        made = [judge_interpretation(one, study.seed, study.trials, known) for one in chosen]
     simulated = [claim for claim in claims.read_claims() if claim.chapter in SIMULATED_CHAPTERS]
     by_id = [{check.claim.id: check for check in of_reading} for of_reading in made]
     table = [[of.get(claim.id) for claim in simulated] for of in by_id]  # None: it is not run
