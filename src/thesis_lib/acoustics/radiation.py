@@ -231,24 +231,36 @@ def rayleigh_pressure(
     return pressure.reshape(points.shape[1:])
 
 
-def radiation_matrix(pistons: Pistons, omega: float, medium: Medium = AIR) -> Array:
-    """Return the radiation resistance R = ω²ρ₀A_e²/(4πc) · sin(kr)/(kr), shape (pistons, pistons).
+def radiation_matrix(
+    pistons: Pistons, omega: float, medium: Medium = AIR, rows: slice = slice(None)
+) -> Array:
+    """Return the radiation resistance R = ω²ρ₀A_e²/(4πc) · sin(kr)/(kr), shape (rows, pistons).
 
     The power of velocities v is W = vᴴRv (Elliott and Johnson 1993); the matrix is symmetric and
-    positive semi-definite, in W s²/m².
+    positive semi-definite, in W s²/m². All of its rows are returned, or some.
     """
     k = wavenumber(omega, medium)
     check_pistons(pistons, omega, medium)
     x, y = pistons.centres
-    r = np.hypot(x[:, None] - x, y[:, None] - y)
+    r = np.hypot(x[rows, None] - x, y[rows, None] - y)
     scale = omega**2 * medium.density * pistons.area**2 / (4 * np.pi * medium.speed_of_sound)
     return scale * np.sinc(k * r / np.pi)
+
+
+def resistive_forces(
+    pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR
+) -> Array:
+    """Return R v of velocities (pistons, ...) by blocks of rows of R, which stay in cache."""
+    v = np.asarray(velocity)
+    step = max(1, _BLOCK_PAIRS // len(v))
+    blocks = [slice(first, first + step) for first in range(0, len(v), step)]
+    return np.concatenate([radiation_matrix(pistons, omega, medium, rows) @ v for rows in blocks])
 
 
 def sound_power(pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR) -> float:
     """Return the radiated power vᴴRv in W."""
     v = np.asarray(velocity)
-    return float(np.real(np.conj(v) @ radiation_matrix(pistons, omega, medium) @ v))
+    return float(np.real(np.conj(v) @ resistive_forces(pistons, v, omega, medium)))
 
 
 def radiation_efficiency(

@@ -104,7 +104,7 @@ class Surface:
             Frequency in rad/s, and the fluid.
         """
         B = omega * self.share[:, None] * np.asarray(moving, float)
-        return np.asarray(B.T @ radiation.radiation_matrix(self.pistons, omega, medium) @ B)
+        return np.asarray(B.T @ radiation.resistive_forces(self.pistons, B, omega, medium))
 
     def plane_wave_form(
         self, moving: ArrayLike, omega: float, medium: radiation.Medium = radiation.AIR
