@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from thesis_lib.book import build, explorer, find_figure_names, rendering
@@ -28,6 +29,8 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import folder_files, library_files
 from thesis_lib.web.page import NPM_PACKAGES
 
+GROUPS = ["inputs", "assets", "text", "notebook", "figures", "piece"]  # that pages rest on
+DRAWN = (illustrations.FACTS, *build.longest_first())  # what is drawn as soon as it is there
 DOIT_CONFIG = {
     "dep_file": str(build.PROJECT_ROOT / "build" / ".doit.sqlite"),
     "backend": "sqlite3",  # whose file is whole after a kill
@@ -35,7 +38,9 @@ DOIT_CONFIG = {
     "par_type": "thread",  # notebooks and Sphinx compute in processes of their own
     "continue": True,
     "reporter": build.StepReporter,
-    "default_tasks": ["inputs", "notebook", "assets", "piece", "figures", "pages"],
+    # Two steps that compute in this process would wait for each other: beside each runs a notebook.
+    "default_tasks": [*GROUPS[:3], *map("figures:figures and numbers of {}".format, DRAWN)]
+    + [*GROUPS[3:], "pages"],
 }
 PAGES = [
     path
@@ -46,6 +51,7 @@ NOTEBOOKS = [result_files(name)[0] for name in STUDIES]
 CHECKS = build.PROJECT_ROOT / "build" / "conformance.xml"  # what `make test-all` recorded
 PUBLISHED = sorted((build.PROJECT_ROOT / "data" / "published").glob("*.*"))
 WORD_CODE = ("templates.py", "text.py")  # that all pieces are written with
+PIECE_CODE = list_code("book/pieces", *WORD_CODE)
 TEXT_CODE = list_code(
     "book", "facts", "figure_sets", "ledger", "planning", "plotting", "web", *WORD_CODE
 )
@@ -85,63 +91,36 @@ def task_assets() -> Iterator[dict[str, Any]]:
     )
 
 
-def task_piece() -> Iterator[dict[str, Any]]:
-    """Write the tables, sentences and pictures that pages include."""
-    measured = [name for name in STUDIES if name != "claims"]
-    others = [result_files(name)[0] for name in measured]
-    elsewhere = (*texts.OF_LEDGER, *texts.OF_NO_CUBE)
-    numbers = [name for name in texts.PIECES if name not in elsewhere]
-    figures = find_figure_names(PAGES)
-    data = ExperimentResolution().recordings.stored_path
+def write_pieces(pieces: Sequence[str], names: Iterable[str] = ()) -> None:
+    """Write pieces of pages from the cubes of figure sets."""
+    texts.write_pieces(build.list_cubes(names), EXECUTED_FOLDER, pieces)
 
-    def write(pieces: Sequence[str], names: Sequence[str]) -> None:
-        texts.write_pieces(build.list_cubes(names), EXECUTED_FOLDER, pieces)
 
-    def included(*names: str) -> list[Any]:
-        return [EXECUTED_FOLDER / f"{name}.md" for name in names]
+def included(*names: str) -> list[Path]:
+    """Return the files of pieces of pages."""
+    return [EXECUTED_FOLDER / f"{name}.md" for name in names]
 
-    of_cubes = {
-        "numbers": (numbers, measured, [*others, *PUBLISHED]),
-        "numbers of structures": (texts.OF_NO_CUBE, [], PUBLISHED),
-        "numbers of the ledger": (texts.OF_LEDGER, STUDIES, NOTEBOOKS),
-    }
-    for name, (pieces, names, needs) in of_cubes.items():
-        act = partial(write, pieces, names)
-        yield make_task(name, act, [*needs, *TEXT_CODE], included(*pieces))
+
+def task_text() -> Iterator[dict[str, Any]]:
+    """Write what pages include that rests on no cube."""
     recordings_code = [
         measured_sample.sample_path(),
         *list_code("book/pieces", "laboratory", "measure", "planning", "plotting", "web"),
         *list_code(*WORD_CODE),
     ]
-    piece_code = list_code("book/pieces", *WORD_CODE)
+    data = ExperimentResolution().recordings.stored_path
     of_no_cube = {
         "reference of own recordings": (recordings.PIECES, [*PUBLISHED, *recordings_code]),
         "index and assumptions": (thesis_index.PIECES, [*PAGES, *PUBLISHED, *library_files()]),
-        "benchmarks": (benchmarks.PIECES, [*PUBLISHED, *piece_code]),
+        "benchmarks": (benchmarks.PIECES, [*PUBLISHED, *PIECE_CODE]),
     }
+    yield make_task(
+        "numbers of structures", lambda: write_pieces(texts.OF_NO_CUBE),
+        [*PUBLISHED, *TEXT_CODE], included(*texts.OF_NO_CUBE),
+    )  # fmt: skip
     for name, (written, needs) in of_no_cube.items():
         act = partial(opened.write_texts, EXECUTED_FOLDER, written)
         yield make_task(name, act, needs, included(*written))
-    yield make_task(
-        "figure of the conclusions",
-        lambda: factors.write_summary_figure(build.list_cubes(), EXECUTED_FOLDER),
-        [*others, *TEXT_CODE], [EXECUTED_FOLDER / factors.FIGURE_FILE],
-    )  # fmt: skip
-    yield make_task(
-        "figures of notebooks",
-        lambda: opened.write_shown_figures(figures, NOTEBOOKS, EXECUTED_FOLDER),
-        [*NOTEBOOKS, *PAGES, *piece_code],
-        [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
-    )  # fmt: skip
-    code = list_code("book/pieces")
-    for name in opened.SETS_IN_CHAPTERS:
-        notebook = result_files(name)[0]
-        yield make_task(
-            f"provenance of {name}",
-            partial(opened.write_provenance, notebook, EXECUTED_FOLDER),
-            [notebook, *code],
-            included(f"provenance-{name}"),
-        )
     yield make_task(
         "walk through chapter 5", lambda: walk.write_all(EXECUTED_FOLDER),
         [data, *list_code("figure_sets/experiment", "laboratory", "measure", "plotting")],
@@ -165,6 +144,42 @@ def task_piece() -> Iterator[dict[str, Any]]:
         [*PUBLISHED, *TEXT_CODE],
         [EXECUTED_FOLDER / f"{name}.html" for name in explorer.DEMO_PAGES],
     )  # fmt: skip
+
+
+def task_piece() -> Iterator[dict[str, Any]]:
+    """Write the tables, sentences and pictures that rest on several cubes."""
+    measured = [name for name in STUDIES if name != "claims"]
+    others = [result_files(name)[0] for name in measured]
+    elsewhere = (*texts.OF_LEDGER, *texts.OF_NO_CUBE)
+    numbers = [name for name in texts.PIECES if name not in elsewhere]
+    figures = find_figure_names(PAGES)
+    of_cubes = {
+        "numbers": (numbers, measured, [*others, *PUBLISHED]),
+        "numbers of the ledger": (texts.OF_LEDGER, STUDIES, NOTEBOOKS),
+    }
+    for name, (pieces, names, needs) in of_cubes.items():
+        act = partial(write_pieces, pieces, names)
+        yield make_task(name, act, [*needs, *TEXT_CODE], included(*pieces))
+    yield make_task(
+        "figure of the conclusions",
+        lambda: factors.write_summary_figure(build.list_cubes(), EXECUTED_FOLDER),
+        [*others, *TEXT_CODE], [EXECUTED_FOLDER / factors.FIGURE_FILE],
+    )  # fmt: skip
+    yield make_task(
+        "figures of notebooks",
+        lambda: opened.write_shown_figures(figures, NOTEBOOKS, EXECUTED_FOLDER),
+        [*NOTEBOOKS, *PAGES, *PIECE_CODE],
+        [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
+    )  # fmt: skip
+    code = list_code("book/pieces")
+    for name in opened.SETS_IN_CHAPTERS:
+        notebook = result_files(name)[0]
+        yield make_task(
+            f"provenance of {name}",
+            partial(opened.write_provenance, notebook, EXECUTED_FOLDER),
+            [notebook, *code],
+            included(f"provenance-{name}"),
+        )
 
 
 def task_figures() -> Iterator[dict[str, Any]]:
@@ -194,6 +209,4 @@ def task_pages() -> dict[str, Any]:
     task = make_task(
         "pages", build.render_pages, needs, [build.HTML_FOLDER / "index.html", build.ARCHIVE_FILE]
     )
-    return {key: value for key, value in task.items() if key != "name"} | {
-        "task_dep": DOIT_CONFIG["default_tasks"][:-1]
-    }
+    return {key: value for key, value in task.items() if key != "name"} | {"task_dep": GROUPS}

@@ -29,6 +29,9 @@ def task_inputs():
     yield {"name": "none", "actions": None}
 
 
+task_text = task_inputs
+
+
 def task_piece():
     def act():
         write.write_pieces(list_cubes(), EXECUTED_FOLDER, ["beam-results"])

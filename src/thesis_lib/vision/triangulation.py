@@ -18,8 +18,8 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike
 
 UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
-# Points, and camera × point values, per block at most. From some 28,000 values on they are no longer
-# in a processor's own cache of 1 MB: twice the time, and up to ten times beside a second process.
+# Points, and camera × point values, per block at most. From some 28,000 values on they leave a
+# processor's own cache of 1 MB: twice the time, and up to ten times beside a second process.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 24000
 _COLUMNS = 8  # points whose sums BLAS forms alike wherever a block begins
 # Motion over depth in a step below which JᵀJ is kept: its change is of second order
