@@ -168,11 +168,11 @@ def best_layouts(
                 added = np.concatenate([added, grid[rest[[positions.first_least(costs)]]]])
             if len(added) == count:
                 layouts.append(added)
-        costs = [layout_cost(scene, one, objective) for one in layouts]
-        most = max(sorted(costs)[:SETTLED_LAYOUTS], default=0.0) * (1 + positions.MAX_TIE_RATIO)
+        found = [layout_cost(scene, one, objective) for one in layouts]
+        most = max(sorted(found)[:SETTLED_LAYOUTS], default=0.0) * (1 + positions.MAX_TIE_RATIO)
         settled = [
             settle_layout(scene, one, objective)
-            for one, cost in zip(layouts, costs, strict=True)
+            for one, cost in zip(layouts, found, strict=True)
             if np.isfinite(cost) and cost <= most
         ]
         best = choose_layout(scene, settled, objective)
