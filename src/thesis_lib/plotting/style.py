@@ -117,7 +117,7 @@ def bar_beside(panel: Axes, picture: Any, label: str) -> None:
     place = (box.x1 + 0.08 / width, box.y0 + 0.05 * box.height, 0.1 / width, 0.85 * box.height)
     bar = figure.colorbar(picture, cax=figure.add_axes(place))
     bar.ax.tick_params(labelsize=7)
-    bar.ax.text(0, -0.05, label, transform=bar.ax.transAxes, fontsize=8, va="top")
+    bar.ax.text(0, -0.08, label, transform=bar.ax.transAxes, fontsize=8, va="top")
 
 
 def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:

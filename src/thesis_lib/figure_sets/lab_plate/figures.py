@@ -29,7 +29,9 @@ ERROR_NAMES = {
 def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw setup, errors of deflection and sound, and maps of both and of their errors."""
     part = selection.select_settings(cube, case, mode)
-    drawing, axes = style.make_mosaic("abc;def;ghi", (8.2, 6.6), height_ratios=[1.3, 1, 1.1])
+    grid = {"left": 0.07, "right": 0.9, "bottom": 0.125, "top": 0.96, "wspace": 0.6, "hspace": 0.58}
+    how: Any = {"gridspec_kw": grid, "height_ratios": (1.3, 1, 1.1)}
+    drawing, axes = style.make_mosaic("abc;def;ghi", (8.2, 6.6), None, **how)
     figures.setup_panel(axes["a"], cube, part)
     axes["a"].set_title(f"(a) {CASE_TITLES.get(case, case)} varied")
     figures.bar_panel(axes["b"], part, [selection.error_bars(cube, case, mode)])
@@ -44,7 +46,7 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         if legend := axes[name].get_legend():
             legend.remove()
         axes[name].set_ylim(top=axes[name].get_ylim()[1] / 1.25)  # the legend stands outside
-    drawing.legend(*handles, loc="outside lower center", ncols=4)
+    drawing.legend(*handles, loc="lower center", ncols=4)
     x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
     true = part["reference_deflection"].values.reshape(len(y), len(x))
     ends = [one["measured_deflection"].values[0] for one, *_ in selection.rank_settings(part)]
@@ -57,16 +59,17 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     true = louder["pressure_reference_real"].values.T
     filmed = louder["pressure_measured_real"].isel(case=names.index(case))
     errors = [100 * (filmed.sel(extreme=end).values.T - true) / scale for end in ("best", "worst")]
-    fields = (f"(e) true pressure, {plane}", 100 * true / scale, 100.0), *_name_errors(part, errors)
+    title = f"(e) true pressure, {plane},\nin % of the largest"
+    fields = (title, 100 * true / scale, 100.0), *_name_errors(part, errors)
     u, z = part["u"].values * 1000, part["z"].values * 1000
     for row, maps, places, across, labels in (
         ("def", shapes, (x, y), "xy", ("w in mm", "error in µm")),
-        ("ghi", fields, (u, z), f"{plane[0]}Z", ("Re p in % of the largest", "error of Re p in %")),
+        ("ghi", fields, (u, z), f"{plane[0]}Z", ("Re p in %", "error in %")),
     ):
         panels = [axes[name] for name in row]
         pictures = style.draw_maps(panels, maps, *places, across, fontsize=8)
-        drawing.colorbar(pictures[0], ax=panels[0], shrink=0.8, label=labels[0])
-        drawing.colorbar(pictures[1], ax=panels[1:], shrink=0.8, label=labels[1])
+        style.bar_beside(panels[0], pictures[0], labels[0])
+        style.bar_beside(panels[2], pictures[2], labels[1])
     return drawing
 
 
