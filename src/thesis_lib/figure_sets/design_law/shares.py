@@ -28,7 +28,7 @@ MARKER_DIAMETER_M = 0.005  # m, diameter of a marker in chapter 5
 FOLLOWED_PX = 1.5
 MAX_FITTED_TRIALS = 100  # trials of films at most: they take longest
 MAX_FRAME_TRIALS = 50  # of one frame: 75 motions each, which know an rms to some percent
-_FILM_VALUES = 3_000_000  # camera × point values at a time
+_FILM_VALUES = 50_000  # camera × point values at a time: what stays in cache
 
 
 def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
