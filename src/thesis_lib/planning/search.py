@@ -18,7 +18,7 @@ from thesis_lib.vision.pinhole import hemisphere_directions
 
 SEARCH_STEPS_RAD = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
 _MAX_ROUNDS = 50  # of one step; ends long before
-SETTLED_LAYOUTS = 2  # of those found for a number of cameras the best, and what equals them
+SETTLED_LAYOUTS = 3  # of those found for a number of cameras the best, and what equals them
 _SHORT_STEPS, _LONG_STEPS = (-1, 0, 1), (-10, 10)
 _STEP_PAIRS = (_SHORT_STEPS, _SHORT_STEPS), (_LONG_STEPS, (-1, 1)), ((-1, 1), _LONG_STEPS)
 _SEARCH_DIRECTIONS = np.array([way for steps in _STEP_PAIRS for way in itertools.product(*steps)])
@@ -121,7 +121,7 @@ def best_layouts(
     """Yield the best layout (cameras, 4) of each number of cameras from a grid of candidates.
 
     Every number is begun from the best smaller one, and from random layouts of half of the
-    candidates, each exchanged until nothing helps; the best two are settled.
+    candidates, each exchanged until nothing helps; the best three are settled.
 
     Parameters
     ----------
