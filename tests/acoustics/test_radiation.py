@@ -238,6 +238,13 @@ def test_radiation_matrix_gives_the_power_of_the_far_field(conforms, ka):
         conforms.independent(far_power(parts, v, omega), power, rtol=1e-3)
 
 
+def test_resistive_forces_are_those_of_the_whole_matrix(conforms):
+    parts, omega = panel(24, 16), 3 * C / A  # of which a block takes a third
+    v = np.stack([random_velocity(384), panel_mode(parts, 2, 1)], axis=1)
+    whole = rad.radiation_matrix(parts, omega) @ v
+    conforms.invariance(rad.resistive_forces(parts, v, omega), whole, rtol=1e-9)
+
+
 def test_power_and_efficiency_scale_as_they_must(conforms):
     parts, omega = panel(6, 4), 3 * C / A
     v, dense = random_velocity(24), rad.Medium(C, 2 * RHO)

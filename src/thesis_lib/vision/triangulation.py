@@ -21,7 +21,7 @@ UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points, and camera × point values, per block at most. From some 28,000 values on they leave a
 # processor's own cache of 1 MB: twice the time, and up to ten times beside a second process.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 24000
-_COLUMNS = 8  # points whose sums BLAS forms alike wherever a block begins
+_COLUMNS = 8  # points that BLAS multiplies at a time: blocks begin at multiples of them
 # Motion over depth in a step below which JᵀJ is kept: its change is of second order
 _MAX_FIXED_MOTION = 1e-5
 
