@@ -203,9 +203,10 @@ def task_figures() -> Iterator[dict[str, Any]]:
         )
 
 
-def task_pages() -> dict[str, Any]:
+def task_pages(included: Sequence[Any] = (task_text, task_figures, task_piece)) -> dict[str, Any]:
     """Render the pages, and pack them as one file."""
-    needs = [*PAGES, *NOTEBOOKS, *library_files(), build.PROJECT_ROOT / "_config.yml"]
+    pieces = [target for tasks in included for task in tasks() for target in task["targets"]]
+    needs = [*PAGES, *NOTEBOOKS, *pieces, *library_files(), build.PROJECT_ROOT / "_config.yml"]
     task = make_task(
         "pages", build.render_pages, needs, [build.HTML_FOLDER / "index.html", build.ARCHIVE_FILE]
     )

@@ -22,7 +22,11 @@ task_notebook, task_figures = whole["task_notebook"], whole["task_figures"]
 """
 PAGES = """
 DOIT_CONFIG["default_tasks"] = ["notebook", "assets", "piece", "figures", "pages"]
-task_assets, task_pages = whole["task_assets"], whole["task_pages"]
+task_assets = whole["task_assets"]
+
+
+def task_pages():
+    return whole["task_pages"]([task_figures, task_piece])
 
 
 def task_inputs():

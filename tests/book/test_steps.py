@@ -36,6 +36,15 @@ def test_steps_make_what_pages_include_and_no_image_stands_on_two():
     assert alone == {"index.html", SAMPLE_PAGE}
 
 
+def test_pages_are_rendered_again_when_anything_that_they_include_is():
+    every = list(tasks())
+    (pages,) = (task for task in every if "name" not in task)
+    made = {target for task in every for target in task["targets"] if task is not pages}
+    included = {str(path) for path in made if Path(path).parent.name == "executed"}
+    assert included
+    assert included - set(map(str, pages["file_dep"])) == set()
+
+
 def test_steps_depend_on_files_that_are_there_or_made():
     every = list(tasks())
     made = {str(target) for task in every for target in task["targets"]}
