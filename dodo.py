@@ -29,7 +29,6 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import folder_files, library_files
 from thesis_lib.web.page import NPM_PACKAGES
 
-GROUPS = ["inputs", "assets", "text", "notebook", "figures", "piece"]  # that pages rest on
 DRAWN = (illustrations.FACTS, *build.longest_first())  # what is drawn as soon as it is there
 DOIT_CONFIG = {
     "dep_file": str(build.PROJECT_ROOT / "build" / ".doit.sqlite"),
@@ -39,8 +38,16 @@ DOIT_CONFIG = {
     "continue": True,
     "reporter": build.StepReporter,
     # Two steps that compute in this process would wait for each other: beside each runs a notebook.
-    "default_tasks": [*GROUPS[:3], *map("figures:figures and numbers of {}".format, DRAWN)]
-    + [*GROUPS[3:], "pages"],
+    "default_tasks": [
+        "inputs",
+        "assets",
+        "text",
+        *(f"figures:figures and numbers of {name}" for name in DRAWN),
+        "notebook",
+        "figures",
+        "piece",
+        "pages",
+    ],
 }
 PAGES = [
     path
@@ -203,11 +210,13 @@ def task_figures() -> Iterator[dict[str, Any]]:
         )
 
 
-def task_pages(included: Sequence[Any] = (task_text, task_figures, task_piece)) -> dict[str, Any]:
-    """Render the pages, and pack them as one file."""
-    pieces = [target for tasks in included for task in tasks() for target in task["targets"]]
+def task_pages(creators: Sequence[Any] = (task_text, task_figures, task_piece)) -> dict[str, Any]:
+    """Render the pages, which include what other tasks make, and pack them as one file."""
+    pieces = [target for tasks in creators for task in tasks() for target in task["targets"]]
     needs = [*PAGES, *NOTEBOOKS, *pieces, *library_files(), build.PROJECT_ROOT / "_config.yml"]
     task = make_task(
         "pages", build.render_pages, needs, [build.HTML_FOLDER / "index.html", build.ARCHIVE_FILE]
     )
-    return {key: value for key, value in task.items() if key != "name"} | {"task_dep": GROUPS}
+    return {key: value for key, value in task.items() if key != "name"} | {
+        "task_dep": DOIT_CONFIG["default_tasks"][:-1]
+    }

@@ -44,10 +44,7 @@ _COMPRESSED_SUFFIXES = {".nc", ".png", ".webp", ".woff2", ".gz"}
 def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
     """Write the numbers of cubes, and of their figures in a folder of each, as CSV files."""
     for path in cubes:
-        cube = read_once(path)
-        tables = {path.stem: (errors := plotted.errors_table(cube))}
-        for (case, mode), name in plotted.figure_names(cube).items():
-            tables[f"{path.stem}/{name}"] = plotted.figure_table(cube, errors, case, mode)
+        tables = plotted.tabulate_cube(read_once(path), path.stem)
         shutil.rmtree(folder / path.stem, ignore_errors=True)  # of cases that are no more
         for name, table in tables.items():
             whole_text(folder / f"{name}.csv", plotted.as_csv(table))

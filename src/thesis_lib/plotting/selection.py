@@ -162,6 +162,14 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
     return table.astype({"point": "Int64"})
 
 
+def tabulate_cube(cube: xr.Dataset, name: str) -> dict[str, pd.DataFrame]:
+    """Return the numbers of a cube and of its figures, by the names of their files."""
+    errors = errors_table(cube)
+    figures = figure_names(cube).items()
+    own = {f"{name}/{file}": figure_table(cube, errors, *which) for which, file in figures}
+    return {name: errors, **own}
+
+
 def _drawn_values(part: xr.Dataset, name: str) -> pd.DataFrame:
     """Return the values of one variable of a case and mode, none if no figure shows them."""
     values = part[name].isel(trial=0, missing_dims="ignore")

@@ -11,7 +11,6 @@ import re
 from typing import Any
 from urllib.parse import quote
 
-import pandas as pd
 import xarray as xr
 
 from thesis_lib import __version__, templates
@@ -95,13 +94,12 @@ def add_provenance(
 
     name, anchor = study.name, f"provenance-{study.name}"  # of the fold-out in its page
     files = plotted.figure_names(cube)
-    errors = pd.DataFrame() if in_book else plotted.errors_table(cube)
+    tables = {} if in_book else plotted.tabulate_cube(cube, name)
 
-    def link(file: str, which: tuple[str, int] | None = None) -> str:
+    def link(table: str) -> str:
         if in_book:
-            return f"../{DATA_FOLDER}/{quote(file)}"
-        table = plotted.figure_table(cube, errors, *which) if which else errors
-        text = base64.b64encode(plotted.as_csv(table).encode()).decode()
+            return f"../{DATA_FOLDER}/{quote(table)}.csv"
+        text = base64.b64encode(plotted.as_csv(tables[table]).encode()).decode()
         return f"data:text/csv;charset=utf-8;base64,{text}"
 
     cells = []
@@ -112,7 +110,7 @@ def add_provenance(
             file = address = ""
             if which in files:
                 file = f"{files[which]}.csv"
-                address = link(f"{name}/{file}", which)
+                address = link(f"{name}/{files[which]}")
             elif not about["caption"]:
                 continue
             values = {"address": address, "file": file, "case": which[0], "mode": which[1]}
@@ -131,7 +129,7 @@ def add_provenance(
         cost=cost,
         command=study_command(study),
         cube=f"../{DATA_FOLDER}/{name}.nc" if in_book else f"{name}.nc",
-        numbers=link(f"{name}.csv"),
+        numbers=link(name),
     )
     text = f"## Data and provenance\n\n{block.strip()}"
     cells.append(nbformat.v4.new_markdown_cell(text, id=f"{name}-provenance"))
