@@ -8,7 +8,7 @@ import pytest
 from command import thesis
 from scenes.sounds import claps, click, later, music, write_film
 
-from thesis_lib.measure.recordings.audio import open_audio, read_audio
+from thesis_lib.measure.recordings.audio import probe_audio, read_audio
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.synchronisation.alone import synchronise_videos
 from thesis_lib.measure.synchronisation.audio import SynchronisationError
@@ -34,8 +34,8 @@ def test_a_pace_of_the_time_stamps_is_no_gap(conforms, tmp_path, pace):
     conforms.closed_form(rate, LOW / (1 + pace), rtol=2e-7)
     conforms.closed_form(start, 0.0, atol=2e-4 + 0.13 * abs(pace))  # priming of 0.128 s
     assert abs(len(samples) - len(LONG)) < 2048
-    with open_audio(path) as audio:
-        assert f"{rate:.2f} samples a second by its time stamps, 8000 stated" in audio.source
+    stated = f"{rate:.2f} samples a second by its time stamps, 8000 stated"
+    assert stated in probe_audio(path).source
 
 
 @pytest.mark.nightly
@@ -91,9 +91,9 @@ def test_a_sound_is_clipped_if_all_its_channels_are(tmp_path):
         both = np.clip(np.array(gains)[:, None] * waves, -1, 1)
         path = write_film(tmp_path / "a.mkv", [both], LOW, frames=2, codec="pcm_s16le",
                           layout="stereo")  # fmt: skip
-        with open_audio(path) as sound:
-            assert (sound.samples, sound.source) == (LOW, "")
-            assert least * LOW <= sound.clipped <= (least + 0.1) * LOW
+        sound = probe_audio(path)
+        assert (sound.samples, sound.source) == (LOW, "")
+        assert least * LOW <= sound.clipped <= (least + 0.1) * LOW
 
 
 SOUND, NONE = click(1.0, 0.4), np.zeros(48000)
@@ -126,11 +126,11 @@ def test_the_track_and_channel_that_hold_the_sound_are_used(
     conforms, tmp_path, tracks, layout, words
 ):
     path = write_film(tmp_path / "a.mkv", tracks, codec="pcm_s16le", layout=layout)
-    with open_audio(path) as audio:
-        assert words in audio.source
-        assert words or not audio.source
-        samples = np.concatenate(list(audio.blocks))
-        conforms.closed_form(audio.level, samples.std(), rtol=1e-2)
+    audio = probe_audio(path)
+    assert words in audio.source
+    assert words or not audio.source
+    samples = np.concatenate(list(audio.blocks()))
+    conforms.closed_form(audio.level, samples.std(), rtol=1e-2)
     conforms.closed_form(np.abs(samples).max(), 0.9, atol=1e-3)
     conforms.closed_form(place_of_click(path), 0.4, atol=1e-4)
 

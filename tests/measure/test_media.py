@@ -216,6 +216,14 @@ def test_a_track_that_is_missing_is_said(tmp_path):
     refused(lambda: list(read_frames(path)), "B.mkv", "no video track")
 
 
+def test_a_track_of_sound_without_a_decoder_is_none(tmp_path):
+    path = write_film(tmp_path / "A.mkv", [sound()], RATE, codec="pcm_s16le")
+    assert probe_media(path).has_audio
+    path.write_bytes(path.read_bytes().replace(b"A_PCM/INT/LIT", b"A_PCM/INT/XYZ"))
+    assert not probe_media(path).has_audio
+    refused(lambda: read_audio(path), "A.mkv", "no audio track")
+
+
 @pytest.mark.parametrize(
     ("frames", "audio", "words"),
     [

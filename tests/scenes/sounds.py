@@ -1,7 +1,7 @@
 """Videos with sound as recorders write it: paces, jumps, priming, channels and tracks."""
 
 import struct
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
@@ -27,13 +27,12 @@ class HeldSound(AudioSource):
     rate: float = 48000.0
     start: float = 0.0
 
-    def opened(self):
+    def probe(self):
         block = np.asarray(self.samples, float)
         full = np.count_nonzero(np.abs(block) >= FULL_SCALE)
-        track = AudioTrack(
-            self.rate, self.start, iter([block]), self.rate, len(block), block.std(), full
+        return AudioTrack(
+            self.rate, self.start, lambda: iter([block]), self.rate, len(block), block.std(), full
         )
-        return nullcontext(track)
 
 
 def synchronise_sounds(signals, rate, frequency=None, starts=None):

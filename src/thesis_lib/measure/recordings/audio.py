@@ -5,20 +5,24 @@ by the clock of its images. The time stamps count: a line through them against t
 the samples per second of the video's clock, and only a jump between them is a gap.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
-from av.container import InputContainer
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.media_info import MediaError, open_media, start_of_film
+from thesis_lib.measure.recordings.media_info import (
+    MediaError,
+    check_is_file,
+    open_media,
+    sound_tracks,
+    start_of_film,
+)
 
 BLOCK_SAMPLES = 1 << 16  # that are read at once
 MIN_GAP_S = 0.015  # jump of time stamps that is a gap: the shortest packet that is lost has 20 ms
@@ -38,11 +42,11 @@ MP3_DELAY = 1105
 
 @dataclass(frozen=True)
 class AudioTrack:
-    """Sound of a video that is read block by block, once."""
+    """Sound of a video, whose samples are read block by block."""
 
     rate: float  #: Samples per second of the video's clock
     start: float  #: Time of the first sample after that of the first frame, s
-    blocks: Iterator[Array]  #: Samples in −1…1, mixed to one channel, shape (samples,)
+    blocks: Callable[[], Iterator[Array]]  #: Reads the samples in −1…1, mixed to one channel
     stated_rate: int  #: Samples per second that the file states
     samples: int  #: Number of samples
     level: float  #: Root mean square of the samples less their mean, of full scale
@@ -65,6 +69,7 @@ class _Survey:
 
     channels: int
     unit: float  #: Of the time stamps, s
+    late: int  #: Samples by which an encoder's delay that the file cannot state makes it late
     rate: int = 0  #: Of the decoded frames in Hz
     times: list[float] = field(default_factory=list)  #: Time stamp of each frame, s
     counts: list[int] = field(default_factory=list)  #: Samples of each frame
@@ -92,9 +97,8 @@ class _Survey:
         return np.asarray(self.products / n - np.outer(self.sums, self.sums) / n**2)
 
 
-@contextmanager
-def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
-    """Open the sound of a video or a sound file of any length.
+def probe_audio(path: Path, channel: int | None = None) -> AudioTrack:
+    """Return the sound of a video or a sound file of any length.
 
     Of several tracks the first that holds sound is used, or the loudest, if that is 20 dB louder;
     of its channels those that hold sound are mixed, unless they cancel. Or one ``channel`` is used,
@@ -105,45 +109,41 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
     MediaError
         If the file has no audio track, or no such channel, or if its sound is damaged or has a gap.
     """
-    with open_media(path) as file:
-        tracks = _decodable_tracks(file)
-        if not tracks:
-            raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
-        about = path.stat()
-        surveys = _survey(path.absolute(), about.st_size, about.st_mtime_ns)
-        if channel is None:
-            index, chosen, words = _loud(surveys)
-        else:
-            every = [(k, [c]) for k, one in enumerate(surveys) for c in range(one.channels)]
-            if channel > len(every):
-                raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {len(every)}")
-            (index, chosen), words = every[channel - 1], ""
-        track, survey = tracks[index], surveys[index]
-        if survey.damaged:
-            after = sum(survey.counts) / max(survey.rate, 1)
-            raise MediaError(f"{path}: damaged audio after {after:.3f} s")
-        if not survey.counts:
-            raise MediaError(f"{path}: the audio track is empty")
-        first, last, start, pace = _timing(path, survey)
-        film = start_of_film(path)
-        rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
-        # MP3 in a container that cannot state its encoder's delay
-        hidden = file.format.name == "avi" and track.codec_context.name.startswith("mp3")
-        late = MP3_DELAY / rate if film is not None and hidden else 0.0
-        own = rate / pace
-        if own != rate:
-            stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
-            words = "; ".join(filter(None, [words, stamps]))
-        yield AudioTrack(
-            rate=own,
-            start=start - (start if film is None else film) - late,
-            blocks=_mix_blocks(path, islice(file.decode(track), first, last), chosen),
-            stated_rate=rate,
-            samples=sum(survey.counts[first:last]),
-            level=float(np.sqrt(max(part.mean(), 0.0))),
-            clipped=int(min(survey.clipped[chosen])),
-            source=words,
-        )
+    check_is_file(path)
+    about = path.stat()
+    surveys = _survey(path.absolute(), about.st_size, about.st_mtime_ns)
+    if not surveys:
+        raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
+    if channel is None:
+        index, chosen, words = _loud(surveys)
+    else:
+        every = [(k, [c]) for k, one in enumerate(surveys) for c in range(one.channels)]
+        if channel > len(every):
+            raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {len(every)}")
+        (index, chosen), words = every[channel - 1], ""
+    survey = surveys[index]
+    if survey.damaged:
+        after = sum(survey.counts) / max(survey.rate, 1)
+        raise MediaError(f"{path}: damaged audio after {after:.3f} s")
+    if not survey.counts:
+        raise MediaError(f"{path}: the audio track is empty")
+    first, last, start, pace = _timing(path, survey)
+    film = start_of_film(path)
+    rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
+    own = rate / pace
+    if own != rate:
+        stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
+        words = "; ".join(filter(None, [words, stamps]))
+    return AudioTrack(
+        rate=own,
+        start=0.0 if film is None else start - film - survey.late / rate,
+        blocks=partial(_mix_blocks, path, index, slice(first, last), chosen),
+        stated_rate=rate,
+        samples=sum(survey.counts[first:last]),
+        level=float(np.sqrt(max(part.mean(), 0.0))),
+        clipped=int(min(survey.clipped[chosen])),
+        source=words,
+    )
 
 
 def read_audio(path: Path) -> tuple[Array, float, float]:
@@ -158,43 +158,42 @@ def read_audio(path: Path) -> tuple[Array, float, float]:
     start_time : float
         Time of the first sample after that of the first frame, s.
     """
-    with open_audio(path) as audio:
-        return np.concatenate(list(audio.blocks)), audio.rate, audio.start
+    audio = probe_audio(path)
+    return np.concatenate(list(audio.blocks())), audio.rate, audio.start
 
 
-def _mix_blocks(
-    path: Path, frames: Iterator[av.AudioFrame], channels: list[int]
-) -> Iterator[Array]:
-    """Yield the samples of some frames, mixed of some channels, some blocks of them at once."""
+def _mix_blocks(path: Path, index: int, part: slice, channels: list[int]) -> Iterator[Array]:
+    """Yield samples of a part of a track's frames, mixed of some channels, many frames at once."""
     convert = av.AudioResampler(format="fltp")
     blocks, held = [], 0
-    try:
-        for frame in frames:
-            for block in convert.resample(frame):
-                blocks.append(block.to_ndarray()[channels].mean(axis=0))
-            held += frame.samples
-            if held >= BLOCK_SAMPLES:
-                yield np.concatenate(blocks, dtype=float)
-                blocks, held = [], 0
-    except (av.FFmpegError, OSError):
-        raise MediaError(f"{path}: damaged audio") from None
+    with open_media(path) as file:
+        frames = file.decode(sound_tracks(file)[index])
+        try:
+            for frame in islice(frames, part.start, part.stop):
+                for block in convert.resample(frame):
+                    blocks.append(block.to_ndarray()[channels].mean(axis=0))
+                held += frame.samples
+                if held >= BLOCK_SAMPLES:
+                    yield np.concatenate(blocks, dtype=float)
+                    blocks, held = [], 0
+        except (av.FFmpegError, OSError):
+            raise MediaError(f"{path}: damaged audio") from None
     if blocks:
         yield np.concatenate(blocks, dtype=float)
-
-
-def _decodable_tracks(file: InputContainer) -> list[av.AudioStream]:
-    return [track for track in file.streams.audio if track.codec_context is not None]
 
 
 @lru_cache(maxsize=64)
 def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
     """Decode all audio tracks for their time stamps and levels, once unless the file changes."""
     with open_media(path) as file:
-        tracks = _decodable_tracks(file)
-        found = {one.index: _Survey(one.channels, float(one.time_base or 0)) for one in tracks}
+        tracks, found = sound_tracks(file), {}
+        for one in tracks:
+            hidden = file.format.name == "avi" and one.codec_context.name.startswith("mp3")
+            late = MP3_DELAY if hidden else 0
+            found[one.index] = _Survey(one.channels, float(one.time_base or 0), late)
         convert = {track.index: av.AudioResampler(format="fltp") for track in tracks}
         try:
-            for packet in file.demux(*tracks):
+            for packet in file.demux(*tracks) if tracks else ():  # without any: all that there are
                 own = found[packet.stream.index]
                 try:
                     for frame in () if own.damaged else packet.decode():
@@ -203,8 +202,8 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
                 except (av.FFmpegError, OSError, ValueError):
                     own.damaged = True
         except (av.FFmpegError, OSError):
-            for one in found.values():
-                one.damaged = True
+            for own in found.values():
+                own.damaged = True
     return [*found.values()]
 
 

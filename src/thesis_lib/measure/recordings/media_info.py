@@ -99,6 +99,11 @@ def video_track(file: InputContainer, path: Path) -> av.VideoStream:
     return stream
 
 
+def sound_tracks(file: InputContainer) -> list[av.AudioStream]:
+    """Return the tracks of sound that can be decoded."""
+    return [track for track in file.streams.audio if track.codec_context is not None]
+
+
 def _has_frames(path: Path, index: int) -> bool:
     """Return whether a track has two frames or more."""
     with open_media(path) as file:
@@ -198,7 +203,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         counts = [video.frames] if video.frames and not cut else []
         if duration is not None:
             counts.append(round(duration * rate))
-        sound = file.streams.audio[0] if file.streams.audio else None
+        sound = next(iter(sound_tracks(file)), None)
         depth = max((part.bits for part in first.format.components), default=8)
         size = video.width, video.height
         return VideoInfo(

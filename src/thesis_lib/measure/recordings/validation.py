@@ -119,9 +119,8 @@ def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
 
 def _check_sound(path: Path, channel: int | None = None) -> Iterator[str]:
     """Yield what a sound lacks; a gap or damage is raised."""
-    with audio.open_audio(path, channel) as sound:
-        if sound.silence:
-            yield sound.silence
+    if silence := audio.probe_audio(path, channel).silence:
+        yield silence
 
 
 def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:

@@ -138,15 +138,15 @@ def _reduce_table(times: Array, newtons: Array, wanted: float) -> tuple[Array, A
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     """Read times in s and forces in N of a sound file, at the lowest rate above one in Hz."""
     assert given.full_scale_n is not None
-    with audio.AudioSource("the force", path, given.channel).opened() as file:
-        if file.clipped >= MIN_CLIPPED_SAMPLES:
-            raise ForceError(
-                f"{path}: channel {given.channel} is clipped ({file.clipped} samples at full "
-                "scale), allowed: none; turn its gain down"
-            )
-        low = audio.common_rate([file.rate], wanted)
-        values = np.concatenate([np.empty(0), *low.reduce(file.blocks, file.rate)])
-    times = file.start + low.cut + np.arange(len(values)) / low.rate
+    track = audio.AudioSource("the force", path, given.channel).probe()
+    if track.clipped >= MIN_CLIPPED_SAMPLES:
+        raise ForceError(
+            f"{path}: channel {given.channel} is clipped ({track.clipped} samples at full "
+            "scale), allowed: none; turn its gain down"
+        )
+    low = audio.common_rate([track.rate], wanted)
+    values = np.concatenate([np.empty(0), *low.reduce(track.blocks(), track.rate)])
+    times = track.start + low.cut + np.arange(len(values)) / low.rate
     return times, values * given.full_scale_n
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from thesis_lib.files import check_outputs, put_files, staging
-from thesis_lib.measure.recordings.audio import open_audio, read_audio
+from thesis_lib.measure.recordings.audio import probe_audio, read_audio
 from thesis_lib.measure.recordings.media_info import probe_media, start_of_film
 from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.synchronisation.audio import AudioSource
@@ -81,9 +81,8 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         least_agreement=MIN_AGREED_SHARE,
     )
     for video, name in zip(videos, names, strict=True):
-        with open_audio(video) as audio:
-            if audio.source:  # not all channels, or not at the stated pace
-                found.append(f"{name}'s sound: {audio.source}")
+        if source := probe_audio(video).source:  # not all channels, or not at the stated pace
+            found.append(f"{name}'s sound: {source}")
     return found
 
 

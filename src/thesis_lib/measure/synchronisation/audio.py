@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 import scipy
 
 from thesis_lib.arrays import Array, ArrayLike, NDArray, Signal
-from thesis_lib.measure.recordings.audio import AudioTrack, open_audio
+from thesis_lib.measure.recordings.audio import AudioTrack, probe_audio
 
 Track = NDArray[np.float32]
 
@@ -36,9 +35,9 @@ class AudioSource:
     path: Path  #: The file
     channel: int | None = None  #: Which channel counts, the first is 1; None: all of them, mixed
 
-    def opened(self) -> AbstractContextManager[AudioTrack]:
-        """Open the file's sound; it can be read within the context."""
-        return open_audio(self.path, self.channel)
+    def probe(self) -> AudioTrack:
+        """Return the file's sound, whose samples are not yet read."""
+        return probe_audio(self.path, self.channel)
 
 
 def check_sound(sound: AudioTrack, shortest: float, name: str) -> None:
@@ -82,10 +81,7 @@ class Sounds:
     def __init__(
         self, recordings: Sequence[AudioSource], wanted: float, stated: bool = False
     ) -> None:
-        self.recordings, self.tracks = recordings, list[AudioTrack]()
-        for recording in recordings:
-            with recording.opened() as track:
-                self.tracks.append(track)
+        self.tracks = [recording.probe() for recording in recordings]
         self.rates = [one.stated_rate if stated else one.rate for one in self.tracks]
         self.low = common_rate(self.rates, wanted)
         #: When the first samples at that rate come, s
@@ -93,8 +89,7 @@ class Sounds:
 
     def blocks(self, k: int) -> Iterator[Array]:
         """Yield the sound of a recording in blocks."""
-        with self.recordings[k].opened() as track:
-            yield from self.low.reduce(track.blocks, self.rates[k])
+        return self.low.reduce(self.tracks[k].blocks(), self.rates[k])
 
     def read(self, k: int, first: int = 0, last: int = sys.maxsize) -> Track:
         """Return samples `first` to `last` of the sound of a recording."""
@@ -111,9 +106,8 @@ def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
     if step == 1:
         yield from blocks
         return
-    taps = scipy.signal.firwin(  # symmetric
-        2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA)
-    )
+    reach = FILTER_REACH_SAMPLES * step
+    taps = _low_pass(np.arange(-reach, reach + 1) / step)
     held = np.empty(0)
     for block in blocks:
         held = np.concatenate([held, block])
@@ -165,16 +159,20 @@ def common_rate(rates: Sequence[float], wanted: float) -> LowRate:
     return LowRate(rate, FILTER_REACH_SAMPLES / rate if rate < least else 0.0)
 
 
+def _low_pass(x: Array) -> Array:
+    """Return taps (..., n) at places in samples of the low rate: a Kaiser-windowed sinc."""
+    inside = np.clip(1 - (x / FILTER_REACH_SAMPLES) ** 2, 0, None)
+    window = scipy.special.i0(KAISER_BETA * np.sqrt(inside)) / scipy.special.i0(KAISER_BETA)
+    taps = np.sinc(x) * window * (np.abs(x) <= FILTER_REACH_SAMPLES)
+    return np.asarray(taps / taps.sum(axis=-1, keepdims=True), float)
+
+
 @cache
 def _phases(ratio: float) -> Array:
     """Tabulate the low-pass between samples, shape (phases + 1, taps)."""
     reach = int(np.ceil(FILTER_REACH_SAMPLES * ratio))
     shift = np.arange(TAP_PHASES + 1)[:, None] / TAP_PHASES
-    x = (np.arange(-reach, reach + 2) - shift) / ratio
-    inside = np.clip(1 - (x / FILTER_REACH_SAMPLES) ** 2, 0, None)
-    window = scipy.special.i0(KAISER_BETA * np.sqrt(inside)) / scipy.special.i0(KAISER_BETA)
-    taps = np.sinc(x) * window * (np.abs(x) <= FILTER_REACH_SAMPLES)
-    return np.asarray(taps / taps.sum(axis=1, keepdims=True), float)
+    return _low_pass((np.arange(-reach, reach + 2) - shift) / ratio)
 
 
 def _resample_blocks(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Array]:
