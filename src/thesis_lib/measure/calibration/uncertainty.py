@@ -152,8 +152,8 @@ def _widening_factors(parts: Array, gauge: Array, count: int) -> Array:
     true = np.einsum("ij,jk,ki->i", inverse, whole, inverse, optimize=True)[last]
     excess = (m - 1) / m * total / true
     freedom = np.maximum(total**2 / np.sum(single**2, axis=0), 1.0)
-    wider = scipy.stats.t.ppf(_COVERED_PROBABILITY, freedom)
-    wider /= scipy.stats.norm.ppf(_COVERED_PROBABILITY)
+    wider = scipy.special.stdtrit(freedom, _COVERED_PROBABILITY)  # quantiles: Student, normal
+    wider /= scipy.special.ndtri(_COVERED_PROBABILITY)
     return np.maximum(wider / np.sqrt(excess), 1.0)
 
 

@@ -153,10 +153,7 @@ def _compare_signals(
         c = -c
     best = int(np.argmax(c))
     peak = float(c[best])
-    tops, _ = scipy.signal.find_peaks(
-        np.concatenate([[-1], c, [-1]]), height=0.5 * peak, prominence=0.1 * peak
-    )
-    tops = tops[tops != best + 1] - 1
+    tops = _other_peaks(c, best)
     tops = tops[np.abs(lags[tops] - lags[best]) > least * rate]
     if not len(tops) or peak <= 0:  # one peak, or nothing in common
         snr = peak / max(1 - peak, 1e-12)
@@ -179,6 +176,17 @@ def _compare_signals(
         bool(doubtful.any()),
         1 / noise,
     )
+
+
+def _other_peaks(c: Array, best: int) -> Array:
+    """Return indices of peaks of half the height of the best, and a prominence of a tenth of it."""
+    steps = np.diff(c, prepend=-1, append=-1)
+    tops = np.flatnonzero((steps[:-1] > 0) & (steps[1:] <= 0) & (c >= 0.5 * c[best]))
+    tops = tops[tops != best]
+    if tops.size:
+        padded = np.pad(c, 1, constant_values=-1)
+        tops = tops[scipy.signal.peak_prominences(padded, tops + 1)[0] >= 0.1 * c[best]]
+    return tops
 
 
 def phase_delays(
