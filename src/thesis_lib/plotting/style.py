@@ -123,14 +123,12 @@ def bar_beside(panel: Axes, picture: Any, label: str) -> None:
 def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
     """Return a figure as a file of a kind in its style; equal figures give equal bytes."""
     without = {"svg": "Date", "png": "Software"}[kind]
-    content, tag = io.BytesIO(), b"<svg "
+    content = io.BytesIO()
     with in_style(changed):
         if kind == "svg":
             _lay_out(figure)
-            if panels := find_panels(figure):  # the book shows them below each other on a phone
-                tag = f'<svg data-panels="{panels}" '.encode()
         figure.savefig(content, format=kind, metadata={without: None}, **how)
-    return content.getvalue().replace(b"<svg ", tag, 1)
+    return content.getvalue()
 
 
 def _lay_out(figure: Figure) -> None:
@@ -193,8 +191,11 @@ def _abreast(one: Box, other: Box) -> bool:
 
 
 def figure_svg(figure: Figure, changed: Any = None) -> str:
-    """Return a figure as SVG; equal figures give equal text."""
-    return save_figure(figure, "svg", changed).decode()
+    """Return a figure as SVG that names its panels; equal figures give equal text."""
+    text = save_figure(figure, "svg", changed).decode()
+    with in_style(changed):  # the book shows panels below each other on a phone
+        panels = find_panels(figure)
+    return text.replace("<svg ", f'<svg data-panels="{panels}" ', 1) if panels else text
 
 
 def make_logarithmic(axis: Axis, ticks: ArrayLike) -> None:

@@ -399,7 +399,8 @@ def write_all(folder: Path) -> None:
         with style.in_style():
             figure = draw(data)
         path = folder / file_name(name)
-        encode = _encode_webp if path.suffix == ".webp" else partial(style.save_figure, kind="svg")
-        files.whole_file(path, partial(Path.write_bytes, data=encode(figure)))
+        is_image = path.suffix == ".webp"
+        encoded = _encode_webp(figure) if is_image else style.figure_svg(figure).encode()
+        files.whole_file(path, partial(Path.write_bytes, data=encoded))
     for name in TEXT_VALUES:
         files.whole_text(folder / f"{name}.md", fill_text(data, name))
