@@ -332,6 +332,7 @@ def _refine_grid(
     :func:`_model_edges`, and the residuals in grey levels and weights (corners, n) of its windows.
     """
     beside = (1 - board.mark / board.tile) / 2 if board.mark else np.inf
+    state = None
     for _ in range(_REFINEMENT_ROUNDS):
         smooth = _smooth_grid(grid, seen, board)
         grid = np.where(seen, grid, smooth)
@@ -340,30 +341,38 @@ def _refine_grid(
         steps = np.stack([np.gradient(start, axis=axis) for axis in (2, 1)])[:, :, seen]
         bend = np.stack([_grid_curvature(start), _grid_curvature(start.swapaxes(1, 2)).T])[:, seen]
         pixels, weight, grey = _cut_windows(image, start[:, seen], steps, beside)
-        angles = np.arctan2(steps[:, 1], steps[:, 0])
-        state = _fit_corners(pixels, weight, grey, start[:, seen], angles, bend)
+        if state is None or astray.any():
+            angles = np.arctan2(steps[:, 1], steps[:, 0])
+            guess = _guess_states(pixels, weight, grey, start[:, seen], angles, bend)
+            state = guess if state is None else np.where(astray[seen], guess, state)
+        state = _fit_corners(pixels, weight, grey, state, bend)
         grid = start.copy()
         grid[:, seen] = state[:2]
     return grid, start, state, grey - _model_edges(pixels, state, bend, False)[0], weight
 
 
-def _fit_corners(
+def _guess_states(
     pixels: Array, weight: Array, grey: Array, start: Array, angles: Array, bend: Array
 ) -> Array:
-    """Fit the corners to the grey levels of their windows by Gauss–Newton, all at once.
-
-    Returns the states (7, corners) of :func:`_model_edges`, from starts and angles (2, corners).
-    """
+    """Return states (7, corners) of :func:`_model_edges` at starts and angles (2, corners)."""
     light, dark = np.quantile(grey, [0.9, 0.1], axis=1)
-    used = weight.any(axis=0)  # in the window of any corner
-    pixels, weight, grey = pixels[:, :, used], weight[:, used], grey[:, used]
     centre, half = (light + dark) / 2, (light - dark) / 2
     state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
     pattern = _model_edges(pixels, state, bend, False)[0] - centre[:, None]
     state[5] *= np.sign(np.sum(weight * pattern * (grey - centre[:, None]), axis=1))
-    normal, right = np.empty((len(half), 7, 7)), np.empty((len(half), 7))
+    return state
+
+
+def _fit_corners(pixels: Array, weight: Array, grey: Array, state: Array, bend: Array) -> Array:
+    """Fit the corners to the grey levels of their windows by Gauss–Newton, all at once.
+
+    Starts from the states (7, corners) of :func:`_model_edges`, and returns them.
+    """
+    used = weight.any(axis=0)  # in the window of any corner
+    pixels, weight, grey = pixels[:, :, used], weight[:, used], grey[:, used]
+    normal, right = np.empty((len(grey), 7, 7)), np.empty((len(grey), 7))
     for _ in range(_MAX_STEPS):
-        for k in range(0, len(half), _CORNERS_AT_ONCE):
+        for k in range(0, len(grey), _CORNERS_AT_ONCE):
             p = slice(k, k + _CORNERS_AT_ONCE)
             model, J = _model_edges(pixels[:, p], state[:, p], bend[:, p])
             A = J * weight[p]
