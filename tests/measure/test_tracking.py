@@ -12,7 +12,7 @@ from scenes.discs import camera, disc_centroids
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.board import rows_on
+from thesis_lib.measure.recordings.board import on_surface, rows_on
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following, homography
@@ -104,6 +104,18 @@ def test_centres_are_those_of_the_projected_discs(conforms):
     conforms.closed_form(np.abs(error).max(), below=0.015)
     conforms.closed_form(np.sqrt(np.mean(error**2)), below=0.006)
     conforms.closed_form(np.abs(error.mean(axis=(0, 2))).max(), below=0.003)
+
+
+@pytest.mark.parametrize("width", [0.016, 0.020])
+def test_markers_near_both_edges_of_a_narrow_strip_are_found(conforms, width):
+    strip = replace(BEAM, width=width)
+    at, times, markers = camera(size=(1280, 720)), np.arange(-1, 4) / 60, rows_on(strip, rows=2)
+    motion = Motion(strip, (Component(),), 0.0, 0.25)
+    frames = filmed(at, times, motion, markers)
+    corners = pinhole.project_points(at, on_surface(markers.extent, markers.corners))
+    view = homography.view_of(at, markers, pinhole.undistort_pixels(at, corners))
+    found = tabulated(frames, sharpen_view(frames[0], view))
+    conforms.closed_form(found, truth(at, times, motion, markers), atol=0.02)
 
 
 @pytest.mark.slow

@@ -349,8 +349,10 @@ class Patch:
         for edge, sign in zip(self.edges, (1, -1), strict=True):
             near = edge < np.abs(across).max(axis=(1, 2)) + 1 + 3 * self.blur
             z = ((edge + outer)[near, None, None] + sign * across[near]) / self.blur
-            seen, slope[near] = _ramp_and_normal(z + half) - _ramp_and_normal(z - half)
-            share[near] = self.blur * seen
+            ramp, rise = _ramp_and_normal(z + half) - _ramp_and_normal(z - half)
+            seen = self.blur * ramp
+            slope[near] = slope[near] * seen + share[near] * rise  # of a strip, both edges count
+            share[near] *= seen
         return share, slope
 
 
