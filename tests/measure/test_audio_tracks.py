@@ -1,14 +1,17 @@
 """Sound as recorders write it: its pace, its gaps, its tracks and channels; and sounds compared."""
 
 import re
+from pathlib import Path
 
 import av
 import numpy as np
 import pytest
 from command import thesis
+from scenes.driven import write_wav
 from scenes.sounds import claps, click, later, music, write_film
 
 from thesis_lib.measure.recordings.audio import probe_audio, read_audio
+from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.synchronisation.alone import synchronise_videos
 from thesis_lib.measure.synchronisation.audio import SynchronisationError
@@ -133,6 +136,29 @@ def test_the_track_and_channel_that_hold_the_sound_are_used(
     conforms.closed_form(audio.level, samples.std(), rtol=1e-2)
     conforms.closed_form(np.abs(samples).max(), 0.9, atol=1e-3)
     conforms.closed_form(place_of_click(path), 0.4, atol=1e-4)
+
+
+@pytest.mark.parametrize("count", [7, 8, 10])
+def test_every_channel_of_a_recorder_is_read(conforms, tmp_path, count):
+    gains = np.arange(1, count + 1) / 100
+    write_wav(tmp_path / "a.wav", *(gains[:, None] * np.sin(np.arange(LOW) / 5)), rate=LOW)
+    levels = [probe_audio(tmp_path / "a.wav", k).level for k in range(1, count + 1)]
+    conforms.closed_form(levels, gains / np.sqrt(2), rtol=1e-2)
+
+
+def test_a_file_that_was_replaced_is_damaged(tmp_path):
+    path = write_film(tmp_path / "a.mkv", [LONG[:LOW]], LOW, codec="pcm_s16le")
+    track = probe_audio(path)
+    write_video(path, np.zeros((3, 48, 64), np.uint8), 30, None)  # without sound
+    with pytest.raises(MediaError, match=r"a\.mkv: damaged audio"):
+        list(track.blocks())
+
+
+def test_a_file_is_named_as_it_was_given(tmp_path, monkeypatch):
+    (tmp_path / "a.wav").write_text("no sound")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MediaError, match=r"^a\.wav: not a video"):
+        read_audio(Path("a.wav"))
 
 
 # Sounds compared.

@@ -7,7 +7,7 @@ import xarray as xr
 
 from thesis_lib.measure.exchange import files
 from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase_advance
-from thesis_lib.measure.fitting.harmonics import fit_harmonics, fit_parts
+from thesis_lib.measure.fitting.harmonics import fit_harmonics, fit_parts, noise_near
 from thesis_lib.measure.fitting.result import candidate_modes, scale_model
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.tracking.tracks import Recording
@@ -44,6 +44,21 @@ def tracks(folder, frequency, rates=(60.0, 60.0), seconds=4.0, noise=0.03, growt
         np.save(path, uv + noise * rng.normal(size=uv.shape))
         made.append(Recording(IDEAL, rate, delay, 0.001, 0.0, path))
     return made
+
+
+def test_markers_that_a_codec_repeats_are_no_noise(conforms, tmp_path):
+    """Their scatter is rounding, of any power near the frequency."""
+    (own,) = tracks(tmp_path, 4.25, rates=(60.0,), noise=0.03)
+    moving, frames = np.load(own.path), np.arange(240)
+    still = np.full((240, 2, 3), 200.0)
+    still[..., 1] += 1e-13 * (frames % 14 < 7)[:, None]  # 4.3 Hz
+    still[..., 2] += 1e-12 * np.linspace(0, 1, 240)[:, None]
+    powers = []
+    for values in (moving, np.concatenate([moving, still], axis=2)):
+        np.save(own.path, values)
+        omega, (times, uv) = 2 * np.pi * 4.25, own.read_tracks(0.0, 4.0)
+        powers.append(noise_near(own, fit_harmonics(omega, times, uv, 2), omega, 0.0, 4.0))
+    conforms.invariance(powers[1], powers[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize(("frequency", "rates"), [(4.25, (60.0, 60.0)), (7.3, (50.0, 60.0, 120.0))])

@@ -332,7 +332,7 @@ def _refine_grid(
     :func:`_model_edges`, and the residuals in grey levels and weights (corners, n) of its windows.
     """
     beside = (1 - board.mark / board.tile) / 2 if board.mark else np.inf
-    state = None
+    state, unsettled = np.empty((7, np.count_nonzero(seen))), np.ones(np.count_nonzero(seen), bool)
     for _ in range(_REFINEMENT_ROUNDS):
         smooth = _smooth_grid(grid, seen, board)
         grid = np.where(seen, grid, smooth)
@@ -341,11 +341,12 @@ def _refine_grid(
         steps = np.stack([np.gradient(start, axis=axis) for axis in (2, 1)])[:, :, seen]
         bend = np.stack([_grid_curvature(start), _grid_curvature(start.swapaxes(1, 2)).T])[:, seen]
         pixels, weight, grey = _cut_windows(image, start[:, seen], steps, beside)
-        if state is None or astray.any():
+        unsettled |= astray[seen]
+        if unsettled.any():  # else from where the round before ended
             angles = np.arctan2(steps[:, 1], steps[:, 0])
             guess = _guess_states(pixels, weight, grey, start[:, seen], angles, bend)
-            state = guess if state is None else np.where(astray[seen], guess, state)
-        state = _fit_corners(pixels, weight, grey, state, bend)
+            state = np.where(unsettled, guess, state)
+        state, unsettled = _fit_corners(pixels, weight, grey, state, bend)
         grid = start.copy()
         grid[:, seen] = state[:2]
     return grid, start, state, grey - _model_edges(pixels, state, bend, False)[0], weight
@@ -363,10 +364,13 @@ def _guess_states(
     return state
 
 
-def _fit_corners(pixels: Array, weight: Array, grey: Array, state: Array, bend: Array) -> Array:
+def _fit_corners(
+    pixels: Array, weight: Array, grey: Array, state: Array, bend: Array
+) -> tuple[Array, Mask]:
     """Fit the corners to the grey levels of their windows by Gauss–Newton, all at once.
 
-    Starts from the states (7, corners) of :func:`_model_edges`, and returns them.
+    Starts from the states (7, corners) of :func:`_model_edges`. Returns those at the end, and
+    which corners have not converged.
     """
     used = weight.any(axis=0)  # in the window of any corner
     pixels, weight, grey = pixels[:, :, used], weight[:, used], grey[:, used]
@@ -384,9 +388,10 @@ def _fit_corners(pixels: Array, weight: Array, grey: Array, state: Array, bend: 
         step = (np.linalg.solve(normal, (right / scale)[..., None])[..., 0] / scale).T
         state = state + step
         state[6] = np.clip(np.abs(state[6]), _MIN_BLUR_PX, _MAX_BLUR_PX)
-        if np.abs(step[:2]).max() < _CONVERGED_PX:
+        unsettled = ~(np.abs(step[:2]).max(axis=0) < _CONVERGED_PX)
+        if not unsettled.any():
             break
-    return state
+    return state, unsettled
 
 
 def _rms_asymmetry(residual: Array, weight: Array, corner: Array) -> Array:

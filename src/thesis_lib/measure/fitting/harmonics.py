@@ -24,6 +24,7 @@ INSTANTS = 16  # of a period, at which harmonics are triangulated
 #: Trial frequencies about that of a vibration, in cycles per recording: the fit has taken what is
 #: nearer, and further away the noise may be another
 NEAR_CYCLES = np.r_[-8:-1, 2:9]
+MIN_SCATTER_PX = 1e-9  # scatter below which a codec repeats a marker, but for rounding
 
 
 @dataclass(frozen=True)
@@ -311,7 +312,7 @@ def noise_near(own: Recording, fit: Harmonics, omega: float, begin: float, end: 
     order = (len(fit.coefficients) - 1) // 2
     fit = fit.earlier(omega, -row_delays(own, fit.coefficients[0]))  # at the frames' times
     near = omega + 2 * np.pi * NEAR_CYCLES / (end - begin)
-    weight = 1 / np.where(fit.sigma > 0, fit.sigma, np.nan)
+    weight = 1 / np.where(fit.sigma > MIN_SCATTER_PX, fit.sigma, np.nan)
     frames, known = 0, np.zeros(weight.size)
     columns = 2 * order + 3
     square, cross = np.zeros((columns, columns)), np.zeros((columns, len(near)), complex)

@@ -25,6 +25,7 @@ from thesis_lib.measure.recordings.media_info import (
 )
 
 BLOCK_SAMPLES = 1 << 16  # that are read at once
+SAMPLE_FORMAT = "flt"  # of all channels in turn: PyAV cannot read eight planes or more
 MIN_GAP_S = 0.015  # jump of time stamps that is a gap: the shortest packet that is lost has 20 ms
 JUMP_FRAMES = 8  # on either side of a jump whose median counts, so that one late stamp is none
 PRIMING_S = 0.15  # at either end in which a jump is the encoder's: 4 packets of AAC have 85 ms
@@ -110,8 +111,8 @@ def probe_audio(path: Path, channel: int | None = None) -> AudioTrack:
         If the file has no audio track, or no such channel, or if its sound is damaged or has a gap.
     """
     check_is_file(path)
-    about = path.stat()
-    surveys = _survey(path.absolute(), about.st_size, about.st_mtime_ns)
+    now = path.stat()
+    surveys = _survey(path, (now.st_ino, now.st_size, now.st_mtime_ns))
     if not surveys:
         raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
     if channel is None:
@@ -162,28 +163,33 @@ def read_audio(path: Path) -> tuple[Array, float, float]:
     return np.concatenate(list(audio.blocks())), audio.rate, audio.start
 
 
+def _samples_of(frame: av.AudioFrame) -> Array:
+    """Return the samples of a frame of :data:`SAMPLE_FORMAT`, shape (channels, samples)."""
+    return np.ascontiguousarray(frame.to_ndarray().reshape(-1, frame.layout.nb_channels).T)
+
+
 def _mix_blocks(path: Path, index: int, part: slice, channels: list[int]) -> Iterator[Array]:
     """Yield samples of a part of a track's frames, mixed of some channels, many frames at once."""
-    convert = av.AudioResampler(format="fltp")
+    convert = av.AudioResampler(format=SAMPLE_FORMAT)
     blocks, held = [], 0
     with open_media(path) as file:
-        frames = file.decode(sound_tracks(file)[index])
         try:
+            frames = file.decode(sound_tracks(file)[index])
             for frame in islice(frames, part.start, part.stop):
                 for block in convert.resample(frame):
-                    blocks.append(block.to_ndarray()[channels].mean(axis=0))
+                    blocks.append(_samples_of(block)[channels].mean(axis=0))
                 held += frame.samples
                 if held >= BLOCK_SAMPLES:
                     yield np.concatenate(blocks, dtype=float)
                     blocks, held = [], 0
-        except (av.FFmpegError, OSError):
+        except (av.FFmpegError, OSError, IndexError):  # by now it may be another file
             raise MediaError(f"{path}: damaged audio") from None
     if blocks:
         yield np.concatenate(blocks, dtype=float)
 
 
 @lru_cache(maxsize=64)
-def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
+def _survey(path: Path, _as_it_is: tuple[int, ...]) -> list[_Survey]:
     """Decode all audio tracks for their time stamps and levels, once unless the file changes."""
     with open_media(path) as file:
         tracks, found = sound_tracks(file), {}
@@ -191,14 +197,14 @@ def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
             hidden = file.format.name == "avi" and one.codec_context.name.startswith("mp3")
             late = MP3_DELAY if hidden else 0
             found[one.index] = _Survey(one.channels, float(one.time_base or 0), late)
-        convert = {track.index: av.AudioResampler(format="fltp") for track in tracks}
+        convert = {track.index: av.AudioResampler(format=SAMPLE_FORMAT) for track in tracks}
         try:
             for packet in file.demux(*tracks) if tracks else ():  # without any: all that there are
                 own = found[packet.stream.index]
                 try:
                     for frame in () if own.damaged else packet.decode():
                         for block in convert[packet.stream.index].resample(frame):  # type: ignore[arg-type]
-                            own.add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
+                            own.add(frame, _samples_of(block).astype(float))  # type: ignore[arg-type]
                 except (av.FFmpegError, OSError, ValueError):
                     own.damaged = True
         except (av.FFmpegError, OSError):
