@@ -1,7 +1,7 @@
-"""Images of a board to cameras.
+"""Camera calibration from images of a calibration board.
 
-From images on: `corners` finds the board's corners; `rig` calibrates each camera by itself and
-orders the corners alike for all cameras, and `bundle_adjustment` adjusts these together;
-`uncertainty` estimates how far they are off. Cameras from elsewhere are read by
+`corners` finds the board's corners; `rig` calibrates each camera separately and puts the corners
+of all cameras in the same order; `bundle_adjustment` adjusts all cameras together; `uncertainty`
+estimates the calibration's uncertainty. Calibrations of other programs are read by
 :mod:`thesis_lib.measure.exchange.cameras`.
 """

@@ -1,20 +1,19 @@
-"""Bundle adjustment: cameras and boards that fit all images at once (eq. 5.1, Appendix E).
+"""Bundle adjustment of cameras and board poses to all images at once (eq. 5.1, Appendix E).
 
-A point X of the board in shot s has in camera c the coordinates
+A point X of the board in its pose s has, in the frame of camera c, the coordinates
 
     x = R_c (R_s X + t_s − C_c).
 
-Small changes turn the camera by a about its own axes, R_c ← exp([a]×) R_c, the board by b about the
-world's, R_s ← exp([b]×) R_s, and shift C_c and t_s. The unknowns are all cameras' poses, then all
-boards', six each, rotation first (rad, m), then the lenses', eight each: f_x, f_y, c_x, c_y (px),
-k₁, k₂, p₁, p₂.
+A small step turns the camera by a about its own axes, R_c ← exp([a]×) R_c, and the board by b about
+the world's axes, R_s ← exp([b]×) R_s, and shifts C_c and t_s. The unknowns are the poses of all
+cameras, then of all boards (six each, rotation first, in rad and m), then the lens parameters
+(eight for each camera): f_x, f_y, c_x, c_y (px), k₁, k₂, p₁, p₂.
 
-The board's tiles give the scale; where the world lies is free. The normal equations are therefore
-singular in six directions, known in closed form, and the steps keep clear of them (inner
-constraints, a free network; Triggs et al. 2000, section 9). So errors and covariances mean
-something only with respect to a datum, what is held fixed: all cameras, or one board. Baarda's
-S-transformation takes the covariances from one to the other; the rigid motion of
-:func:`align_cameras` does the same for the errors.
+The board's tiles set the scale; the world frame is free. The normal equations are therefore
+singular in six directions, known in closed form, and the steps avoid them (inner constraints, a
+free network; Triggs et al. 2000, section 9). Errors and covariances therefore need a datum, the
+part that is held fixed: all cameras, or one board. Baarda's S-transformation converts covariances
+from one datum to the other; the rigid motion of :func:`align_cameras` does so for errors.
 """
 
 from collections.abc import Sequence
@@ -32,31 +31,31 @@ POSE_UNKNOWNS, LENS_UNKNOWNS = 6, 8  # unknowns of a pose and of a lens
 
 
 class CalibrationError(ValueError):
-    """Shots that do not determine a camera or a rig; the message says which and why."""
+    """Calibration images that do not determine a camera or a rig; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """Cameras and the boards they see."""
+    """Cameras and the board poses they observe."""
 
     cameras: tuple[Camera, ...]  #: The cameras
-    rotations: Array  #: From each shot's board to the world, shape (shots, 3, 3)
-    translations: Array  #: Each board's centre in the world, m, shape (shots, 3)
+    rotations: Array  #: From the board to the world in each board pose, shape (poses, 3, 3)
+    translations: Array  #: The board's centre in the world in each pose, m, shape (poses, 3)
 
     @property
     def unknowns(self) -> int:
-        """Return the number of unknowns, the lenses' included."""
+        """Return the number of unknowns, including the lens parameters."""
         cameras, boards = len(self.cameras), len(self.rotations)
         return POSE_UNKNOWNS * (cameras + boards) + LENS_UNKNOWNS * cameras
 
 
 def without_boards(cameras: Sequence[Camera]) -> Network:
-    """Return a network of cameras alone."""
+    """Return a network of cameras without boards."""
     return Network(tuple(cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
 
 
 def start_network(observations: Array, points: Array, cameras: Sequence[Camera]) -> Network:
-    """Return the poses chained from image to image, the world being the first shot's board."""
+    """Return initial poses, chained from image to image; the first board is the world frame."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     boards: dict[int, tuple[Array, Array]] = {0: (np.eye(3), np.zeros(3))}
     placed: dict[int, Camera] = {}
@@ -79,15 +78,15 @@ def start_network(observations: Array, points: Array, cameras: Sequence[Camera])
 
 
 def spread_points(points: Array, observations: Array) -> Array:
-    """Return the points (3, n) of all images as those of each, (cameras, shots, 3, n)."""
+    """Broadcast the board's points (3, n) to all images, (cameras, poses, 3, n)."""
     cameras, shots, _, count = observations.shape
     return np.broadcast_to(points, (cameras, shots, 3, count))
 
 
 def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
-    """Return the rotation and translation from a board to a camera that sees points of one z of it.
+    """Return the rotation and translation from a board to a camera, from points at the same z.
 
-    Points whose place `uv` is NaN do not count.
+    Points whose pixels `uv` are NaN are ignored.
     """
     seen = np.isfinite(uv).all(axis=0)
     xy = pinhole.from_pixels(camera.K, uv[:, seen])
@@ -99,11 +98,11 @@ def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]
 
 
 def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array, Array]:
-    """Return the images of the boards' points in a camera, and their derivatives.
+    """Project the boards' points into a camera, and return the derivatives of the projection.
 
-    Points (shots, 3, points) are in the boards' frame, m, and images (2, shots, points) in px; NaN
-    behind the camera. Derivatives (20, 2, shots, points) are in the camera's pose (6), the board's
-    pose (6) and the lens (8).
+    Points (poses, 3, points) are in the board's frame, m, and projections (2, poses, points) in px;
+    NaN behind the camera. Derivatives (20, 2, poses, points) are with respect to the camera's pose
+    (6), the board's pose (6) and the lens (8).
     """
     on_board = np.einsum("sij,sjn->isn", network.rotations, points)
     from_centre = on_board + (network.translations - camera.centre).T[:, :, None]
@@ -128,7 +127,7 @@ def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array
     )
     J = np.concatenate(
         [
-            # The derivative in a rotation of a is a × b if b is the one in a.
+            # If b is the derivative with respect to a, then a × b is that for a rotation of a.
             np.cross(np.stack([x, y, z])[:, None], in_xyz, axis=0),
             -in_world,
             np.cross(on_board[:, None], in_world, axis=0),
@@ -143,11 +142,11 @@ def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array
 def normal_equations(
     observations: Array, points: Array, network: Network
 ) -> tuple[Array, Array, Array]:
-    """Return JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
+    """Return JᵀJ and Jᵀr of all unknowns, and the residuals r, observed minus computed.
 
-    Points that an image does not show are NaN in the observations and in the residuals
-    (cameras, shots, 2, points) in px, and count for nothing. Each image touches the twenty unknowns
-    of its camera and its board only; the matrix is gathered from such blocks.
+    Points that are not visible are NaN in the observations and in the residuals
+    (cameras, poses, 2, points), in px, and are ignored. Each image depends on the twenty unknowns
+    of its camera and its board only; the matrix is the sum of such blocks.
     """
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     n, m = seen.shape
@@ -171,7 +170,7 @@ def normal_equations(
 
 
 def camera_unknowns(which: IntArray, cameras: int, boards: int = 0) -> IntArray:
-    """Return the numbers of the unknowns of some of the cameras: their poses, then their lenses."""
+    """Return the indices of the unknowns of some cameras: their poses, then their lenses."""
     first = POSE_UNKNOWNS * (cameras + boards)
     poses = POSE_UNKNOWNS * which[:, None] + np.arange(POSE_UNKNOWNS)
     lenses = first + LENS_UNKNOWNS * which[:, None] + np.arange(LENS_UNKNOWNS)
@@ -179,8 +178,8 @@ def camera_unknowns(which: IntArray, cameras: int, boards: int = 0) -> IntArray:
 
 
 def gauge_directions(network: Network) -> Array:
-    """Return the change of the unknowns when the world turns and shifts, shape (unknowns, 6)."""
-    poses = [(-c.R_camera_world, c.centre) for c in network.cameras]  # a camera turns the other way
+    """Return the changes of the unknowns when the world turns and shifts, shape (unknowns, 6)."""
+    poses = [(-c.R_camera_world, c.centre) for c in network.cameras]  # cameras turn the other way
     poses += [(np.eye(3), place) for place in network.translations]
     G = np.zeros((network.unknowns, POSE_UNKNOWNS))
     for k, (turn, place) in enumerate(poses):
@@ -192,7 +191,7 @@ def gauge_directions(network: Network) -> Array:
 
 
 def step_network(network: Network, step: Array) -> Network:
-    """Return the network after changes of its unknowns."""
+    """Return the network after a step of its unknowns."""
     n, m = len(network.cameras), len(network.rotations)
     poses = step[: (n + m) * POSE_UNKNOWNS].reshape(-1, 2, 3)
     turns = scipy.spatial.transform.Rotation.from_rotvec(poses[:, 0]).as_matrix()
@@ -211,7 +210,7 @@ def step_network(network: Network, step: Array) -> Network:
 
 
 def transform_network(network: Network, rotation: Array, translation: Array) -> Network:
-    """Return the network in another frame, X' = rotation X + translation."""
+    """Transform the network to another frame, X' = rotation X + translation."""
     cameras = tuple(
         replace(
             camera,
@@ -225,21 +224,21 @@ def transform_network(network: Network, rotation: Array, translation: Array) -> 
 
 
 MAX_STEPS = 100  # Levenberg–Marquardt steps of an adjustment
-MIN_EIGENVALUE = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
+MIN_EIGENVALUE = 1e-11  # of the normal equations, scaled to a unit diagonal
 
 
 @dataclass(frozen=True)
 class Adjustment(Network):
     """Cameras and boards after a bundle adjustment."""
 
-    #: Seen minus computed, px; NaN where absent, shape (cameras, shots, 2, points)
+    #: Observed minus computed, px; NaN where absent, shape (cameras, poses, 2, points)
     residuals: Array
     rms: float  #: Root mean square residual per coordinate, px
-    sigma: float  #: The same over the degrees of freedom, px
+    sigma: float  #: Root of the sum of squared residuals over the degrees of freedom, px
     #: Standard deviations of f_x, f_y, c_x, c_y (px), k₁, k₂, p₁, p₂; 0 where held fixed, shape
     #: (cameras, 8)
     deviations: Array
-    #: Of all unknowns, up to the choice of a datum, shape (unknowns, unknowns); see
+    #: Covariance of all unknowns, up to the choice of a datum, shape (unknowns, unknowns); see
     #: :func:`camera_deviations`
     covariance: Array
 
@@ -247,29 +246,30 @@ class Adjustment(Network):
 def adjust_bundle(
     observations: Array, points: Array, cameras: Sequence[Camera], lenses: bool = True
 ) -> Adjustment:
-    """Return the cameras and board poses of least squared reprojection error (eq. 5.1).
+    """Adjust cameras and board poses to the least squared reprojection error (eq. 5.1).
 
     Parameters
     ----------
-    observations : ndarray, shape (cameras, shots, 2, points)
-        Pixels, in one order of the points for all images; NaN where a point is not seen.
-    points : ndarray, shape (3, points) or (cameras, shots, 3, points)
-        The board's corners in its own frame, m; where its sides differ, those of each image.
+    observations : ndarray, shape (cameras, poses, 2, points)
+        Pixels, with the points in the same order in all images; NaN where a point is not visible.
+    points : ndarray, shape (3, points) or (cameras, poses, 3, points)
+        The board's corners in its own frame, m; for each image if the board has two sides.
     cameras : sequence of Camera
-        Names, sizes, and intrinsics and distortion to start from or to keep. Where the cameras
-        stand is found from the observations.
+        Names, sizes, and initial or fixed intrinsics and distortion. The cameras' poses are
+        estimated from the observations.
     lenses : bool
         Whether f_x, f_y, c_x, c_y, k₁, k₂, p₁, p₂ of each camera are adjusted.
 
     Returns
     -------
     Adjustment
-        In the frame of the first shot's board.
+        In the frame of the board in its first pose.
 
     Raises
     ------
     CalibrationError
-        If cameras or shots are not connected by common images, or if the steps do not converge.
+        If cameras or board poses are not connected by common images, if the steps do not converge,
+        or if the images do not determine all unknowns.
     """
     points = spread_points(points, observations)
     network = start_network(observations, points, cameras)
@@ -293,21 +293,21 @@ def adjust_bundle(
 
 
 def _minimise_cost(observations: Array, points: Array, network: Network, free: Mask) -> Network:
-    """Return the network of least squares, by Levenberg–Marquardt."""
+    """Minimise the squared reprojection error by Levenberg–Marquardt."""
     normal, right, residuals = normal_equations(observations, points, network)
     observed = np.isfinite(observations)
     cost, damping = np.nansum(residuals**2), 0.0
     for _ in range(MAX_STEPS):
         change = _invert_normal(normal, network, free, damping)[0] @ right
-        hoped = float(change @ right)  # twice what the cost would fall, were it a parabola
+        hoped = float(change @ right)  # decrease of the cost for linear residuals, undamped
         if hoped <= 1e-12 * cost or hoped < 1e-18:
             return step_network(network, change)
         trial = step_network(network, change)
         new = normal_equations(observations, points, trial)
-        new_cost = np.sum(new[2][observed] ** 2)  # NaN if a board came to lie behind a camera
+        new_cost = np.sum(new[2][observed] ** 2)  # NaN if a board is behind a camera now
         if new_cost < cost:
             network, (normal, right, _), cost = trial, new, new_cost
-            damping = damping / 2 if damping > 1e-8 else 0.0  # boards of few corners turn slowly
+            damping = damping / 2 if damping > 1e-8 else 0.0  # boards with few corners turn slowly
         else:
             damping = max(10 * damping, 1e-6)
     raise CalibrationError(f"adjustment: not converged after {MAX_STEPS} steps")
@@ -316,10 +316,10 @@ def _minimise_cost(observations: Array, points: Array, network: Network, free: M
 def _invert_normal(
     normal: Array, network: Network, free: Mask, damping: float = 0.0
 ) -> tuple[Array, float]:
-    """Invert the normal equations without the gauge; return their least eigenvalue, too.
+    """Return the pseudo-inverse of the normal equations, and their least eigenvalue.
 
-    Scaled to a unit diagonal, the matrix becomes regular when the projector on its null space, the
-    gauge, is added; without it again the inverse has that null space.
+    The matrix, scaled to a unit diagonal, is regular after adding the projector on its null space,
+    the gauge. Subtracting the projector restores the null space in the inverse.
     """
     scale = 1 / np.sqrt(np.diag(normal)[free])
     Q, _ = np.linalg.qr(gauge_directions(network)[free] / scale[:, None])
@@ -334,16 +334,16 @@ def _invert_normal(
 def align_cameras(
     cameras: Sequence[Camera], truth: Sequence[Camera]
 ) -> tuple[tuple[Camera, ...], Array, Array]:
-    """Return cameras in the true ones' frame, and how far they are off.
+    """Align cameras with the true cameras, and return their errors.
 
-    Kabsch's method on the centres and the axes together: the rigid motion, without change of scale,
-    minimises the sum of |ΔC|² + ℓ²|Δω|², ℓ being the rms distance of the true centres from their
-    mean and Δω the angle between orientations.
+    Kabsch's method, for centres and axes together, gives the rigid motion (without change of scale)
+    that minimises the sum of |ΔC|² + ℓ²|Δω|². ℓ is the rms distance of the true centres from their
+    mean, and Δω the angle between orientations.
 
     Parameters
     ----------
     cameras, truth : sequence of Camera
-        The same cameras as found and as they are.
+        The estimated cameras, and the true cameras in the same order.
 
     Returns
     -------
@@ -364,16 +364,16 @@ def align_cameras(
 
 
 def camera_deviations(network: Network, covariance: Array) -> tuple[Array, Array]:
-    """Compute standard deviations of the cameras' poses with respect to the cameras themselves.
+    """Compute standard deviations of the cameras' poses, with all cameras as the datum.
 
-    Of such a free network deviations compare with errors after :func:`align_cameras`.
+    These standard deviations are comparable with the errors from :func:`align_cameras`.
 
     Parameters
     ----------
     network : Network
-        The cameras, and boards if the covariance is of these, too.
+        The cameras, and the boards if the covariance includes them.
     covariance : ndarray, shape (unknowns, unknowns)
-        Of the network's unknowns, up to the choice of a datum.
+        Covariance of the network's unknowns, up to the choice of a datum.
 
     Returns
     -------
@@ -392,7 +392,7 @@ def camera_deviations(network: Network, covariance: Array) -> tuple[Array, Array
 
 
 def _lever_length(cameras: Sequence[Camera]) -> float:
-    """Return the length that weighs angles against distances: rms of centres about the mean, m."""
+    """Return the rms distance of the centres from their mean, m, by which angles are weighted."""
     centres = np.array([camera.centre for camera in cameras])
     spread = float(np.sqrt(np.mean(np.sum((centres - centres.mean(axis=0)) ** 2, axis=1))))
     return spread or 1.0

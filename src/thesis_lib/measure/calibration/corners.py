@@ -1,18 +1,18 @@
 """Corners of the board in an image, to a few thousandths of a pixel (Appendix D, step 3).
 
-OpenCV finds the grid; a least-squares fit of the grey levels finds each corner. Around a corner the
-blurred image of two crossing edges is, with c the corner and dᵢ the distances from the edges,
+OpenCV finds the grid; a least-squares fit of the grey levels locates each corner. The blurred image
+of two edges that cross at the corner c is, with the distances dᵢ from the edges,
 
-    I = a + b · erf(d₁/s) · erf(d₂/s),   dᵢ = nᵢ·(p − c) − κᵢ (tᵢ·(p − c))²/2,
+    I = a + b · erf(d₁/s) · erf(d₂/s),   dᵢ = nᵢ·(p − c) − κᵢ (tᵢ·(p − c))²/2.
 
-exactly so for edges at right angles under a Gaussian blur, and with the same centre of symmetry for
-all others. The lens bends the edges by curvatures κᵢ too weak to be seen in one window but worth
-0.005 px on a corner; they are read from the neighbouring corners. ArUco marks in light tiles keep
-off the edges: pixels that they reach are left out.
+This is exact for edges at right angles under a Gaussian blur; other edges have the same centre of
+symmetry. The lens bends the edges by curvatures κᵢ, too weak to be estimated in one window but
+worth 0.005 px on a corner; they are computed from the neighbouring corners. ArUco marks in light
+tiles do not touch the edges; the fit excludes the pixels that they reach.
 
-Real edges are not quite so: cameras sharpen them, which leaves halos, and overexposed tiles grow.
-All that is as symmetric about the corner as the model, and moves no corner. What can move one is
-the part of the residual that is not symmetric about it, so that part decides whether it is one.
+Real edges deviate from the model: cameras sharpen them, which leaves halos, and overexposed tiles
+grow. These deviations are symmetric about the corner and do not move it. Only the asymmetric part
+of the residual can move it; that part therefore decides whether the corner is accepted.
 """
 
 from itertools import product
@@ -28,34 +28,34 @@ from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.pinhole import HALF_PIXEL
 
 _MIN_BORDER_PX = 4.0  # least distance of a corner from the image's border, px
-# Corners of a board with marks that must be seen, or half of a small one's
+# Visible corners that a board with marks needs; a small board needs half of its corners
 _MIN_MARKED_CORNERS = 12
-_DICTIONARY_SIZES = (50, 100, 250, 1000)  # of OpenCV's dictionaries: they begin with the same marks
-_REDUCED_PX = 640  # longer side of the smaller image in which large tiles are looked for
+_DICTIONARY_SIZES = (50, 100, 250, 1000)  # of OpenCV's dictionaries, which share the first marks
+_REDUCED_PX = 640  # longer side of the reduced image in which large tiles are detected
 _COMMON_DICTIONARIES = ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "ARUCO_ORIGINAL",
                         "APRILTAG_36H11")  # fmt: skip
-# Least contrast of tiles beyond the outermost ones, over theirs, by which a board goes on. Margins
-# and backgrounds have up to 0.2.
+# Contrast beyond the outermost tiles, relative to theirs, above which the board continues there.
+# Margins and backgrounds have up to 0.2.
 _MIN_CONTINUED_SHARE = 0.5
 
 
-class BoardNotFound(ValueError):  # noqa: N818 - no mistake, an image without a board
-    """An image in which no trustworthy board is seen; the message says why."""
+class BoardNotFound(ValueError):  # noqa: N818 - no error, an image without a board
+    """An image without a reliably detected board; the message gives the reason."""
 
 
-# Each way of finding a board returns the inner corners, shape (2, rows − 1, columns − 1), px from
-# the image's top-left corner, with x and y as seen from the printed side; NaN where a corner of a
-# board with marks is not seen. A checkerboard is seen as a whole.
+# Each detector returns the inner corners, shape (2, rows − 1, columns − 1), px from the image's
+# top-left corner, with x and y as seen from the printed side. Corners of a board with marks that
+# are not visible are NaN; a checkerboard must be visible as a whole.
 
 
 def _find_by_quads(image: Image, board: Board) -> Array:
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    # No fast check: it gives up on most views that are steep or have a narrow margin.
+    # No fast check: it rejects most views that are oblique or have a narrow margin.
     return _order_corners(*cv2.findChessboardCorners(image, board.shape, flags=flags), image, board)
 
 
 def _find_by_reduced_quads(image: Image, board: Board) -> Array:
-    """Find large tiles, whose edges the finder loses in noise and texture, on a smaller image."""
+    """Find large tiles in a reduced image; noise and texture hide their edges at full size."""
     height, width = image.shape
     factor = max(image.shape) / _REDUCED_PX
     if factor <= 1:
@@ -67,12 +67,12 @@ def _find_by_reduced_quads(image: Image, board: Board) -> Array:
 
 
 def _find_by_sectors(image: Image, board: Board) -> Array:
-    """Find corners by OpenCV's other finder, which is sure of large tiles but not of small ones."""
+    """Find corners by OpenCV's other detector, reliable for large tiles but not for small ones."""
     return _order_corners(*cv2.findChessboardCornersSB(image, board.shape), image, board)
 
 
 def _order_corners(found: bool, raw: Any, image: Image, board: Board) -> Array:
-    """Return a finder's corners with y up where x is right."""
+    """Return a detector's corners, ordered so that y points up where x points right."""
     if not found:
         raise BoardNotFound("no checkerboard seen")
     nx, ny = board.shape
@@ -92,13 +92,13 @@ def _order_corners(found: bool, raw: Any, image: Image, board: Board) -> Array:
 
 
 def _tiles_continue(image: Image, corners: Array) -> bool:
-    """Return whether tiles alternate beyond those about corners (2, ny, nx), on any side."""
+    """Return whether the tile pattern continues beyond the corners (2, ny, nx) on any side."""
     _, ny, nx = corners.shape
     y, x = np.mgrid[:ny, :nx].astype(float)
     H, _ = cv2.findHomography(np.stack([x.ravel(), y.ravel()], 1), corners.reshape(2, -1).T)
     if H is None:
         return False
-    # Five places about the middle of each tile, those beyond the outermost ones included
+    # Five points around the centre of each tile, including one row of tiles beyond the board
     spread = 0.2 * np.array([[-1, 1, -1, 1, 0], [-1, -1, 1, 1, 0]])
     y, x = np.mgrid[: ny + 3, : nx + 3][..., None] - 1.5
     x, y = x + spread[0], y + spread[1]
@@ -122,12 +122,12 @@ def _find_marks(image: Image, board: Board) -> Array:
     """Return the visible corners between marks; the marks identify the corners."""
     count = board.columns * board.rows // 2
     bits = board.dictionary.rpartition("_")[0]
-    # Of fewer marks more errors are mended
+    # A smaller dictionary corrects more bit errors.
     size = next(size for size in _DICTIONARY_SIZES if size >= count)
     dictionary, marks, numbers = _read_marks(image, f"{bits}_{size}")
     nx, ny = board.shape
     corners = np.full((nx * ny, 2), np.nan)
-    # Before OpenCV 4.6 a board began with a light tile. Its check refuses some steep views, too.
+    # Before OpenCV 4.6 a board began with a light tile. OpenCV's check rejects some oblique views.
     for legacy, checked in ((False, True), (True, True), (False, False)):
         layout = cv2.aruco.CharucoBoard((nx + 1, ny + 1), board.tile, board.mark, dictionary)
         layout.setLegacyPattern(legacy)
@@ -153,7 +153,7 @@ def _find_marks(image: Image, board: Board) -> Array:
 
 
 def _find_off_plane(corners: Array, board: Board) -> Mask:
-    """Return which corners (2, ny, nx) are off the plane of most corners; all, if most are."""
+    """Return the mask of visible corners (2, ny, nx) off their common plane; all, if most are."""
     off = np.isfinite(corners[0])
     if np.count_nonzero(off) > 4:
         plane = board.corners[:2].reshape(corners.shape)[:, off]
@@ -164,16 +164,16 @@ def _find_off_plane(corners: Array, board: Board) -> Mask:
 
 
 def _read_marks(image: Image, name: str) -> tuple[cv2.aruco.Dictionary, Any, Any]:
-    """Return a dictionary, the corners of its visible marks, and their numbers."""
+    """Return a dictionary, and the corners and numbers of its visible marks."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     parameters = cv2.aruco.DetectorParameters()
-    parameters.errorCorrectionRate = 1.0  # of what tells marks apart; a false one fits no board
+    parameters.errorCorrectionRate = 1.0  # the maximum: false marks do not fit the board anyway
     marks, numbers, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(image)
     return dictionary, marks, numbers
 
 
 def _describe_other_marks(image: Image, name: str, count: int) -> str:
-    """Say which marks are seen instead on a board that has so many; fewer may be by chance."""
+    """Describe the marks that are visible instead; fewer than half of `count` may be by chance."""
     mirrored = "mirrored: it is seen from the back, or the camera mirrors"
     tries = [(np.ascontiguousarray(image[:, ::-1]), name, mirrored)]
     tries += [(image, f"DICT_{other}", f"of DICT_{other}") for other in _COMMON_DICTIONARIES]
@@ -184,36 +184,36 @@ def _describe_other_marks(image: Image, name: str, count: int) -> str:
 
 
 def _border_distances(corners: Array, image: Image) -> Array:
-    """Return the distances (ny, nx) of corners from the image's border, px; NaN where they are."""
+    """Return the distances (ny, nx) of corners from the image's border, px; NaN for NaN corners."""
     (u, v), (height, width) = corners, image.shape
     return np.minimum.reduce([u, v, width - u, height - v])
 
 
 _WINDOW_RATIO = 0.35  # half-size of the window over the distance to the neighbouring corners
-# Most pixels from a corner to its window's edge: more add little to the precision
+# Largest distance from a corner to its window's edge, px; more pixels hardly improve the precision
 _MAX_WINDOW_PX = 14
-_OFF_MARK = 2.0  # least distance of a window's pixel from an ArUco mark: its blur's reach, px
-# Largest distance of a corner from a smooth grid, over that from its neighbour, as found and as
-# fitted. OpenCV's finders are off by up to 0.09. Fitted corners: 0.019 on a bent paper board, 0.005
-# on flat ones; the nearest false corner, that of a mark of 0.8 tiles, is at 0.14.
+_OFF_MARK = 2.0  # least distance of a window's pixel from an ArUco mark, px: the reach of its blur
+# Largest distance of a corner from a smooth grid, over the corner spacing, as detected and as
+# fitted. OpenCV's detectors are off by up to 0.09. Fitted corners: 0.019 on a bent paper board,
+# 0.005 on flat ones; the nearest false corner, that of a mark of 0.8 tiles, is at 0.14.
 _MAX_FOUND_OFFSET = 0.25
 _MAX_FITTED_OFFSET = 0.05
-# Largest rms residual over the half contrast of its part that is not symmetric about the corner:
-# up to 0.21 on a webcam that sharpens, 0.27 under an unsharp mask of amount 4, 0.18 elsewhere.
+# Largest rms of the residual's asymmetric part about the corner, over the half contrast: up to 0.21
+# on a webcam that sharpens, 0.27 under an unsharp mask of amount 4, 0.18 elsewhere.
 _MAX_ASYMMETRY = 0.35
-_MAX_MISFIT = 0.6  # of the whole residual: up to 0.45 under such a mask, 0.41 on the webcam
-# Median of the whole residual over the corners of an image whose edges are softer than _SOFT_PX:
-# halos are only at sharper ones. Overexposure leaves 0.19, a motion over 21 px 0.18 to 0.33.
+_MAX_MISFIT = 0.6  # same for the whole residual: up to 0.45 under such a mask, 0.41 on the webcam
+# Largest median of the whole residual in an image whose edges are softer than _SOFT_PX, and so have
+# no halos. Overexposure causes 0.19, motion blur over 21 px 0.18 to 0.33.
 _MAX_SOFT_MISFIT = 0.22
-_SOFT_PX = 2.0  # width s of an edge; 0.5 to 1.4 on cameras that sharpen, 3 at a motion over 11 px
-# Least and largest width s of an edge, px: a pixel's own area spreads edges along its sides by 0.5,
-# and of an edge wider than 8 px a window has only a part: images blurred more put f 1 % off.
+_SOFT_PX = 2.0  # width s of an edge; 0.5 to 1.4 on cameras that sharpen, 3 at 11 px of motion blur
+# Least and largest width s of an edge, px. A pixel's own area spreads edges along its sides by 0.5.
+# A window shows only a part of an edge wider than 8 px: images blurred more put f 1 % off.
 _MIN_BLUR_PX, _MAX_BLUR_PX = 0.5, 8.0
-_LARGE_TILE_PX = 100.0  # corners of larger tiles are first fitted on a reduced image
+_LARGE_TILE_PX = 100.0  # corners of larger tiles are first fitted in a reduced image
 _MAX_STEPS = 8
-_CORNERS_AT_ONCE = 16  # whose pixels and derivatives stay in the processor's cache
-_CONVERGED_PX = 1e-4  # change of all corners below which the fit stops: 5e-6 px are left then
-_REFINEMENT_ROUNDS = 3  # curvatures, and starts of corners that strayed, come from the round before
+_CORNERS_AT_ONCE = 16  # the pixels and derivatives of so many fit into the processor's cache
+_CONVERGED_PX = 1e-4  # change of all corners below which the fit stops, converged to 5e-6 px
+_REFINEMENT_ROUNDS = 3  # each takes curvatures, and starts for stray corners, from the one before
 
 
 def find_corners(image: Image, board: Board) -> Array:
@@ -230,32 +230,32 @@ def find_corners(image: Image, board: Board) -> Array:
     -------
     ndarray, shape (2, corners)
         Pixels from the image's top-left corner, in the order of ``board.corners`` as seen from the
-        printed side. Which corner of a checkerboard is the first of those that look alike cannot be
-        seen. Where marks tell, all are in their place, and NaN if they are not seen.
+        printed side. On a checkerboard the first corner is ambiguous: it is one of those that look
+        alike. Marks resolve the ambiguity; with marks, corners that are not visible are NaN.
 
     Raises
     ------
     ValueError
-        If the image is not of 8-bit grey levels.
+        If the image does not have 8-bit grey levels.
     BoardNotFound
-        If the image shows no board, only part of it, or corners that are none.
+        If the image shows no board, only part of it, or false corners.
     """
     if image.ndim != 2 or image.dtype != np.uint8:
         raise ValueError(f"image: given {image.dtype} of shape {image.shape}, needs uint8 (h, w)")
     plain = _find_by_quads, _find_by_reduced_quads, _find_by_sectors
     failures = []
     for negative, find in product((False, True), (_find_marks,) if board.mark else plain):
-        shown, found = 255 - image if negative else image, None  # as of a print in white on black
+        shown, found = 255 - image if negative else image, None  # for boards in white on black
         try:
             found = find(shown, board)
             return _fit_grid(shown, found, board)
         except BoardNotFound as error:
             failures.append((found is None, error))
-    raise min(failures, key=itemgetter(0))[1]  # the first of those of a grid that was seen, if any
+    raise min(failures, key=itemgetter(0))[1]  # preferably of an attempt that detected a grid
 
 
 def _fit_grid(image: Image, found: Array, board: Board) -> Array:
-    """Fit the corners (2, ny, nx) that a finder saw, NaN where not, and check them."""
+    """Refine the corners (2, ny, nx) that a detector found, NaN where not visible; check them."""
     seen = np.isfinite(found[0])
     smooth = _smooth_grid(found, seen, board)
     grid = np.where(seen, found, smooth)
@@ -276,7 +276,7 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
     parity = np.indices(seen.shape).sum(0)[seen] % 2
     if len(np.unique(np.sign(state[5]) * (1 - 2 * parity))) != 1:
         raise BoardNotFound("false grid: light and dark tiles do not alternate")
-    with np.errstate(invalid="ignore", divide="ignore"):  # a corner without pixels has no misfit
+    with np.errstate(invalid="ignore", divide="ignore"):  # NaN for a corner without pixels
         misfit = np.sqrt(np.sum(weight * residual**2, axis=1) / weight.sum(axis=1))
     asymmetry = _rms_asymmetry(residual, weight, state[:2] - np.floor(start[:, seen]))
     _check_residuals(misfit / np.abs(state[5]), asymmetry / np.abs(state[5]), state[6])
@@ -286,7 +286,7 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
 
 
 def _corner_spacing(grid: Array) -> Array:
-    """Return distance of each corner (2, ny, nx) from its nearest neighbour, shape (ny, nx), px."""
+    """Return the distance (ny, nx) of each corner (2, ny, nx) from its nearest neighbour, px."""
     y, x = (
         np.linalg.norm(np.diff(grid, axis=axis, prepend=np.inf, append=np.inf), axis=0)
         for axis in (1, 2)
@@ -295,9 +295,9 @@ def _corner_spacing(grid: Array) -> Array:
 
 
 def _smooth_grid(grid: Array, seen: Mask, board: Board) -> Array:
-    """Return the grid (2, ny, nx) nearest to the visible corners that a plane shows under a lens.
+    """Fit a plane seen through a lens to the visible corners; return its grid (2, ny, nx).
 
-    The plane is a homography; the lens moves its images by a cubic of their coordinates.
+    The model is a homography plus a cubic polynomial of the image coordinates for the lens.
     """
     plane, part = board.corners[:2], seen.ravel()
     flat = grid[:, seen]
@@ -313,7 +313,7 @@ def _smooth_grid(grid: Array, seen: Mask, board: Board) -> Array:
 
 
 def _check_grid(grid: Array, smooth: Array, allowed: float) -> None:
-    """Refuse corners that are off a smooth grid by more than a share of their spacing."""
+    """Refuse corners that are off a smooth grid by more than the fraction `allowed` of spacing."""
     off, spacing = np.linalg.norm(grid - smooth, axis=0), _corner_spacing(grid)
     worst = int(np.argmax(off / spacing))
     if not off.flat[worst] <= allowed * spacing.flat[worst]:
@@ -326,10 +326,10 @@ def _check_grid(grid: Array, smooth: Array, allowed: float) -> None:
 def _refine_grid(
     image: Image, grid: Array, seen: Mask, board: Board
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Fit the corners in rounds.
+    """Fit the corners in several rounds.
 
-    Returns the grid (2, ny, nx), where the last round started, its states (7, corners) of
-    :func:`_model_edges`, and the residuals in grey levels and weights (corners, n) of its windows.
+    Returns the grid (2, ny, nx), and from the last round the start, the states (7, corners) of
+    :func:`_model_edges`, and the residuals in grey levels and weights (corners, n) of the windows.
     """
     beside = (1 - board.mark / board.tile) / 2 if board.mark else np.inf
     state, unsettled = np.empty((7, np.count_nonzero(seen))), np.ones(np.count_nonzero(seen), bool)
@@ -355,7 +355,7 @@ def _refine_grid(
 def _guess_states(
     pixels: Array, weight: Array, grey: Array, start: Array, angles: Array, bend: Array
 ) -> Array:
-    """Return states (7, corners) of :func:`_model_edges` at starts and angles (2, corners)."""
+    """Return initial states (7, corners) of :func:`_model_edges` from start and angles."""
     light, dark = np.quantile(grey, [0.9, 0.1], axis=1)
     centre, half = (light + dark) / 2, (light - dark) / 2
     state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
@@ -369,10 +369,10 @@ def _fit_corners(
 ) -> tuple[Array, Mask]:
     """Fit the corners to the grey levels of their windows by Gauss–Newton, all at once.
 
-    Starts from the states (7, corners) of :func:`_model_edges`. Returns those at the end, and
+    The fit starts from states (7, corners) of :func:`_model_edges`. Returns the final states, and
     which corners have not converged.
     """
-    used = weight.any(axis=0)  # in the window of any corner
+    used = weight.any(axis=0)  # pixels in the window of any corner
     pixels, weight, grey = pixels[:, :, used], weight[:, used], grey[:, used]
     normal, right = np.empty((len(grey), 7, 7)), np.empty((len(grey), 7))
     for _ in range(_MAX_STEPS):
@@ -395,10 +395,10 @@ def _fit_corners(
 
 
 def _rms_asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
-    """Return the rms (corners,) of the part of residuals that is not symmetric about the corner.
+    """Return the rms (corners,) of the residuals' asymmetric part about the corner.
 
-    Residuals and weights (corners, n) are of square windows of pixels; the corner (2, corners) is
-    counted from the corner of the middle pixel. Pixels whose opposite is in the window count.
+    Residuals and weights (corners, n) are those of square windows; `corner` (2, corners) is counted
+    from the middle pixel's top-left corner, px. Pixels without an opposite pixel are ignored.
     """
     side = 2 * _MAX_WINDOW_PX + 1
     asymmetry = np.full(len(residual), np.nan)
@@ -415,7 +415,7 @@ def _rms_asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
 
 
 def _grid_curvature(grid: Array) -> Array:
-    """Return the signed curvature 1/px of the grid's lines along the last axis, shape (ny, nx)."""
+    """Return the signed curvature (ny, nx) of the grid's lines along the last axis, 1/px."""
     a, b = grid[:, :, 1:-1] - grid[:, :, :-2], grid[:, :, 2:] - grid[:, :, 1:-1]
     chord = a + b
     turn = a[0] * b[1] - a[1] * b[0]
@@ -426,11 +426,11 @@ def _grid_curvature(grid: Array) -> Array:
 def _cut_windows(
     image: Image, corners: Array, steps: Array, beside: float
 ) -> tuple[Array, Array, Array]:
-    """Return the pixels about each corner.
+    """Return the pixels around each corner.
 
-    Returns their coordinates (2, corners, n), whether they are in the window, a parallelogram along
-    the steps to the neighbours, as 1 or 0, and their grey levels, both (corners, n). Beside each
-    edge, marks are that many tiles off.
+    Returns their coordinates (2, corners, n), weights (1 inside the window, a parallelogram along
+    the steps to the neighbours, else 0) and grey levels, both (corners, n). `beside` is the
+    distance of marks from the edges in tiles.
     """
     side = np.arange(-_MAX_WINDOW_PX, _MAX_WINDOW_PX + 1)
     column, row = (np.floor(c).astype(int)[:, None] for c in corners)
@@ -444,8 +444,8 @@ def _cut_windows(
     off = np.stack([du * bv - dv * bu, dv * au - du * av]) / determinant
     inside &= (abs(off).max(axis=0) <= _WINDOW_RATIO) & (du**2 + dv**2 <= _MAX_WINDOW_PX**2)
     grey = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(float)
-    if np.isfinite(beside):  # not what marks reach, which are in the lighter of the tiles
-        px = abs(determinant) / np.stack([np.hypot(bu, bv), np.hypot(au, av)])  # of one of these
+    if np.isfinite(beside):  # leave out pixels that a mark reaches; marks are in the lighter tiles
+        px = abs(determinant) / np.stack([np.hypot(bu, bv), np.hypot(au, av)])  # per unit of off
         across = off[0] * off[1] > 0
         one, other = (
             np.mean(grey, axis=1, where=inside & part, keepdims=True) for part in (across, ~across)
@@ -458,7 +458,7 @@ def _cut_windows(
 def _model_edges(
     pixels: Array, state: Array, bend: Array, derivatives: bool = True
 ) -> tuple[Array, Array]:
-    """Return the grey levels (corners, n) and, if asked for, their derivatives (7, corners, n).
+    """Return the modelled grey levels (corners, n) and their `derivatives` (7, corners, n) if True.
 
     The state (7, corners) is u, v, the angles of the edges along x and y, the mean grey level, the
     signed half contrast and the blur's width s.
@@ -489,7 +489,7 @@ def _model_edges(
 
 
 def _check_residuals(misfit: Array, asymmetry: Array, blur: Array) -> None:
-    """Refuse corners whose residuals over the half contrast are not those of two crossing edges."""
+    """Refuse corners whose residuals, over the half contrast, do not fit two crossing edges."""
     width, typical = float(np.median(blur)), float(np.median(misfit))
     worst, uneven = float(np.max(misfit)), float(np.max(asymmetry))
     if np.isnan(uneven):

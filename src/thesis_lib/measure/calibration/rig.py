@@ -1,13 +1,13 @@
-"""The cameras of a rig from images of a board: each by itself, then all together (Appendix D).
+"""Calibration of a camera rig from board images: each camera, then all together (Appendix D).
 
-Zhang's method (Zhang 2000) finds a camera's intrinsics, its distortion and the board's pose in
-every shot.
+Zhang's method (Zhang 2000) estimates a camera's intrinsics, its distortion and the board's pose in
+every image.
 
-A square board of 9 × 9 tiles looks the same after quarter turns, and from behind too when it is
-printed on both faces, so each image has its own idea of which corner is the first. The cameras do
-not move between the shots: :func:`unify_corners` chooses, per image, the one symmetry under
-which they stand still. Where the operator of Appendix D, step 3, clicks the same origin in every
-image, this is what stands in for the operator. A board with marks has no symmetry.
+A square board of 9 × 9 tiles looks the same after quarter turns, and also from behind if it is
+printed on both faces. The first corner is therefore ambiguous in each image. The cameras do not
+move between board poses, so :func:`unify_corners` chooses, for each image, the one symmetry for
+which the cameras are at rest. This replaces the operator of Appendix D, step 3, who clicks the same
+origin in every image. A board with marks has no symmetry.
 """
 
 import contextlib
@@ -30,27 +30,27 @@ from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
 _LEAST_SHOTS = 3  # two homographies already determine K without skew, but leave nothing to check
-_LEAST_TILT = np.radians(4.0)  # between the two boards that differ most
-# Largest standard deviation of a focal length over it: real boards leave 0.0006 (13 or 29 images),
-# a webcam 0.007, five images of a bent board 0.008.
+_LEAST_TILT = np.radians(4.0)  # least angle between the two most different board poses
+# Largest standard deviation of a focal length over its value: real boards have 0.0006 (13 or 29
+# images), a webcam 0.007, five images of a bent board 0.008.
 _LEAST_PRECISION = 0.05
-_LITERAL_CORNERS = (6, 8)  # of the squares used in the thesis, Appendix D
-_MAX_FIT_TILES = 0.2  # most rms distance between one board seen by two cameras, over a tile
-_MIN_DISTINCT_RATIO = 2.0  # how many times worse the next best rig has to be
-_MOST_OFF = 1 / 3  # share of the shared poses from which on it is not they that are wrong
-# Rms residual of all cameras together over that of each alone, from which on the board moved
-# between their images: 1.0 on rendered and 1.1 on photographed boards, 10 on a board held by hand
-# before cameras that are up to 20 ms out of step.
+_LITERAL_CORNERS = (6, 8)  # inner corners of the squares used in the thesis, Appendix D
+_MAX_FIT_TILES = 0.2  # largest rms distance between a board's poses by two cameras, in tiles
+_MIN_DISTINCT_RATIO = 2.0  # least ratio of the second-best rig's error to the best rig's
+_MOST_OFF = 1 / 3  # fraction of the shared poses above which the rig is wrong, not the poses
+# Rms residual of the joint adjustment over that of each camera alone, above which the board moved
+# between simultaneous images: 1.0 on rendered and 1.1 on photographed boards, 10 on a board held by
+# hand in front of cameras that are up to 20 ms out of step.
 MAX_CONTRADICTION = 3.0
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """One camera, calibrated by itself."""
+    """One camera, calibrated separately."""
 
-    lens: Camera  #: Its intrinsics and distortion, k₃ being 0; the pose is not used
-    rotations: Array  #: From each image's board to the camera, (shots, 3, 3); NaN without a board
-    translations: Array  #: The board's centre in the camera, m, shape (shots, 3); NaN likewise
+    lens: Camera  #: Its intrinsics and distortion, with k₃ = 0; the pose is not used
+    rotations: Array  #: From each image's board to the camera, (poses, 3, 3); NaN without a board
+    translations: Array  #: The board's centre in the camera frame, m, (poses, 3); NaN likewise
     rms: float  #: Root mean square residual per coordinate, px
     deviations: Array  #: Standard deviations of f_x, f_y, c_x and c_y in px, shape (4,)
 
@@ -63,18 +63,18 @@ def calibrate_camera(
     Parameters
     ----------
     shots : sequence of ndarray, shape (2, corners), or None
-        Corners in px, None where the board was not found, NaN where a corner is not seen.
+        Corners in px; None where the board was not found, NaN where a corner is not visible.
     board : Board
     size : tuple of int
         Width and height of the sensor in px.
     name : str
-        The camera's name, for messages too.
+        The camera's name, also for messages.
 
     Raises
     ------
     CalibrationError
-        If fewer than three shots show the board, if the boards are parallel to each other, or if
-        the board images leave a focal length uncertain by more than 5 %.
+        If fewer than three images show the board, if the boards are parallel to each other, or if
+        the standard deviation of a focal length exceeds 5 %.
     """
     used = [i for i, uv in enumerate(shots) if uv is not None and np.isfinite(uv).any()]
     if len(used) < _LEAST_SHOTS:
@@ -110,14 +110,14 @@ def calibrate_camera(
     translations[used] = np.reshape(moves, (-1, 3))
     distortion = np.ravel(np.asarray(k, float))[:5]
     lens = Camera(name, ours, distortion, np.eye(3), np.zeros(3), size)
-    # OpenCV's rms is per point: of the distance, not of its two coordinates.
+    # OpenCV's rms is that of the distance of points, not of their coordinates.
     return Calibration(lens, rotations, translations, float(rms / np.sqrt(2)), sigma)
 
 
 def central_corners(board: Board) -> IntArray:
-    """Return indices of the corners of the central 5 × 7 squares, the part the thesis used.
+    """Return the indices of the corners of the central 5 × 7 squares, the part the thesis used.
 
-    A board with fewer corners raises a :class:`CalibrationError`.
+    A :class:`CalibrationError` is raised if the board has fewer corners.
     """
     nx, ny = board.shape
     mx, my = _LITERAL_CORNERS
@@ -131,8 +131,8 @@ def central_corners(board: Board) -> IntArray:
 def _largest_tilt(points: Sequence[Array], images: Sequence[Array], size: tuple[int, int]) -> float:
     """Return the largest angle between the normals of the boards, rad.
 
-    A board's vanishing line in the image, the last row of H⁻¹, is its normal seen through K. How
-    much the normals differ hardly depends on K, so a focal length of the image's width will do.
+    A board's vanishing line in the image, the last row of H⁻¹, is its normal seen through K. The
+    angles hardly depend on K, so a focal length equal to the image's width is accurate enough.
     """
     K = np.array([[size[0], 0, size[0] / 2], [0, size[0], size[1] / 2], [0, 0, 1.0]])
     homographies = [
@@ -150,29 +150,29 @@ def unify_corners(
     board: Board,
     two_sided: bool = False,
 ) -> tuple[Array, dict[int, float]]:
-    """Order corners alike for all cameras, which do not move between board images.
+    """Put the corners in the same order for all cameras, which do not move between board images.
 
-    In every shot the first camera that sees the board decides on its axes. A rig of cameras is
-    tried for each way in which two images can belong together; the one that fits all shots holds.
+    In every pose the first camera that sees the board defines its axes. A rig is computed for each
+    combination of symmetries of two images; the one that fits all poses is used.
 
     Parameters
     ----------
     calibrations : sequence of Calibration
         One per camera.
     shots : sequence of sequences of ndarray, shape (2, corners), or None
-        The corners that the calibrations were made from, by camera and shot.
+        The corners from which the cameras were calibrated, by camera and board pose.
     board : Board
     two_sided : bool
         Whether the pattern is on both faces with corners behind corners.
 
     Returns
     -------
-    ndarray, shape (cameras, shots, 2, corners)
-        Corners in px in the order of ``board.corners``, NaN where the board was not found, and in
+    ndarray, shape (cameras, poses, 2, corners)
+        Corners in px in the order of ``board.corners``; NaN where the board was not found, and in
         poses that were left out.
     dict of int to float
-        Poses that were left out, as the board or a camera moved between their images, and how far
-        these are off the rig of the others, m.
+        Poses that were left out, because the board or a camera moved between their images, and
+        their distance from the rig of the others, m.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def unify_corners(
     seen = np.isfinite(poses[..., 0, 0])
     rig = _chain_cameras([c.lens.name for c in calibrations], boards, seen, X)
     result = np.full((*seen.shape, *X[:2].shape), np.nan)
-    # To which corner each of them goes under a symmetry.
+    # Index of the corner to which a symmetry maps each corner
     apart = np.linalg.norm((symmetries @ X)[..., None] - X[:, None], axis=1)
     orders = np.argmin(apart, axis=2)
     left_out: dict[int, float] = {}
@@ -214,10 +214,10 @@ def unify_corners(
 
 
 def _list_symmetries(board: Board, two_sided: bool) -> Array:
-    """Return rigid motions (symmetries, 4, 4) to corners that look alike, the identity first.
+    """Return the board's symmetries, rigid motions (symmetries, 4, 4), the identity first.
 
-    The side that a camera sees is half a thickness before the middle, about which a board that is
-    turned over turns.
+    Turning the board over turns it about its middle plane, half a thickness behind the visible
+    side.
     """
     half, flip = np.diag([-1.0, -1.0, 1.0, 1.0]), np.diag([1.0, -1.0, -1.0, 1.0])
     flip[2, 3] = -board.thickness
@@ -232,15 +232,15 @@ def _list_symmetries(board: Board, two_sided: bool) -> Array:
 
 
 def _rms_distance(differences: Array) -> Array:
-    """Return the root mean square distance over the corners of (..., 4, corners)."""
+    """Return the rms over the corners of the lengths of `differences` (..., 4, corners)."""
     return np.sqrt(np.mean(np.sum(differences**2, axis=-2), axis=-1))
 
 
 def _chain_cameras(names: Sequence[str], boards: Array, seen: Mask, X: Array) -> dict[int, Array]:
-    """Return the motion (4, 4) from each camera to the first one, from pairs sharing most images.
+    """Return the motion (4, 4) from each camera to the first, by pairs that share most images.
 
-    Boards (cameras, shots, symmetries, 4, 4) are motions of their corners X (4, n) to the camera
-    where they are `seen` (cameras, shots).
+    `boards` (cameras, poses, symmetries, 4, 4) are the motions of the corners X (4, n) into the
+    frame of the camera, where `seen` (cameras, poses).
     """
     rig = {0: np.eye(4)}
     while len(rig) < len(names):
@@ -259,11 +259,11 @@ def _chain_cameras(names: Sequence[str], boards: Array, seen: Mask, X: Array) ->
 
 
 def _fit_relative_motion(boards: Array, others: Array, X: Array) -> Array | None:
-    """Return the motion of boards onto the others (shots, 4, 4) in all shots, if only one does it.
+    """Return the motion of `boards` onto `others` (poses, 4, 4) in all poses, or None if ambiguous.
 
-    Boards (shots, symmetries, 4, 4) count under whichever symmetry brings them nearest. A shot can
-    miss by no more than rigs differ, so that a bad one does not decide; which one it is shows
-    later.
+    Each of the boards (poses, symmetries, 4, 4) is matched under its nearest symmetry. The error
+    of a pose is limited to the difference between rigs, so that outliers do not decide; they are
+    identified later.
     """
     source, target = boards @ X, others @ X
     size = np.linalg.norm(target[0, :, 0] - target[0, :, -1]) / 4
@@ -278,7 +278,7 @@ def _fit_relative_motion(boards: Array, others: Array, X: Array) -> Array | None
 
 @contextlib.contextmanager
 def single_threaded_opencv() -> Iterator[None]:
-    """Run OpenCV with one thread, for the same bits in every run; cameras run in parallel."""
+    """Run OpenCV with one thread, for bitwise reproducible results; cameras run in parallel."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -293,11 +293,11 @@ def adjust_cameras(
 ) -> tuple[Array, list[str], list[Calibration], bundle.Adjustment]:
     """Adjust all cameras together to the board's corners; call `tick` once per image.
 
-    With `lenses` of the cameras these are kept, and only their places are found. If the cameras
-    contradict each other by more than :data:`MAX_CONTRADICTION`, lenses stay as of each camera
-    alone. Returned are the corners (cameras, shots, 2, corners) in px, in one order and NaN where
-    the board was not found; which shots were not used, and why; each camera by itself; and the
-    adjustment, whose residuals are of all poses, and its boards those of the poses that were used.
+    Given `lenses` are held fixed, and only the cameras' poses are estimated. If the cameras
+    contradict each other by more than :data:`MAX_CONTRADICTION`, each lens stays as calibrated
+    separately. Returns the corners (cameras, poses, 2, corners) in px, in one order and NaN where
+    the board was not found; the images that were not used, with reasons; each camera's calibration;
+    and the adjustment, with the residuals of all poses, and the boards of the poses that were used.
     """
     board = manifest.board.board
 
@@ -357,7 +357,7 @@ def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Ca
 
 
 def cameras_in(calibration: xr.Dataset) -> list[Camera]:
-    """Return the cameras of one calibration."""
+    """Return the cameras of a calibration dataset."""
     fields = ("camera", "K", "distortion", "R_camera_world", "centre", "size")
     return [
         Camera(str(name), K, distortion, R, centre, (int(width), int(height)))

@@ -1,22 +1,22 @@
-"""Uncertainty of a calibration, from its calibration images alone.
+"""Uncertainty of a calibration, estimated from its calibration images alone.
 
-The covariance of a bundle adjustment takes every corner for an independent witness. Corners of one
-image are not: the board is not quite flat, the lens not quite its model. Images are, so what
-each of them contributes says how far the cameras would have been off with others (the jackknife;
-Efron & Stein 1981). Nothing is adjusted again: with gₛ and Nₛ what shot s adds to the right side
-and the matrix of the normal equations, its board's pose eliminated, cameras change without it by
+The covariance of a bundle adjustment assumes independent corners. The errors of corners in one
+image are correlated: the board is not quite flat, and the lens deviates from its model. Board poses
+are independent; the jackknife (Efron & Stein 1981) therefore estimates the covariance from the
+effect of leaving out one pose. No adjustment is repeated: let gₛ and Nₛ be the contributions of
+pose s to the right side and the matrix of the normal equations, after elimination of the board's
+pose. Without pose s the cameras change to first order by
 
     δₛ = −(N − Nₛ)⁻¹ gₛ,   N = Σ Nₛ,   Σ gₛ = 0,
 
-to first order, and their covariance is (n − 1)/n Σ δₛ δₛᵀ (Cook's distance has the same δₛ).
+and their covariance is (n − 1)/n Σ δₛ δₛᵀ (Cook's distance has the same δₛ).
 
-Some parameters, as k₂ of a long lens, rest on two or three of the shots. The variance of so few is
-often too small by chance, as Student's t has it; on the other hand the jackknife's is too large on
-average. The deviation of each parameter is widened by what the one exceeds the other.
+Some parameters, such as k₂ of a long lens, depend on two or three of the poses. A variance from so
+few is often too small by chance (Student's t), while the jackknife's variance is too large on
+average. The ratio of the two factors, if above 1, widens each parameter's standard deviation.
 
-What all images share, as a board that is bent alike in all of them, is seen only as far as its
-effect differs from pose to pose: deviations grow in proportion to the bend, but may be several
-times smaller than the errors.
+Of errors that all images share, such as those of a bent board, the jackknife sees only differences
+between poses: standard deviations grow with the bend, but may be several times below the errors.
 """
 
 from dataclasses import replace
@@ -28,34 +28,34 @@ from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import bundle_adjustment as bundle
 from thesis_lib.measure.recordings.board import Board
 
-# Shots that the jackknife needs: with fewer, a direction often has too little by chance
+# With fewer board poses the variance of some direction is often too small by chance
 MIN_JACKKNIFE_IMAGES = 5
-_COVERED_PROBABILITY = 0.97725  # of the distribution of an error, below two standard deviations
+_COVERED_PROBABILITY = 0.97725  # of a normal distribution, below two standard deviations
 
 
 def jackknife_cameras(
     observations: Array, points: Array, adjustment: bundle.Adjustment
 ) -> bundle.Adjustment:
-    """Return the cameras of an adjustment, with deviations that hold for the images as they are.
+    """Estimate the uncertainty of an adjustment's cameras by a jackknife over board poses.
 
-    With fewer than :data:`MIN_JACKKNIFE_IMAGES` shots, or one that nothing can do without, the
-    adjustment's own covariance is widened by as much as shots differ more than independent corners
-    would: how errors of corners go together is then taken to be the same in all directions.
+    With fewer than :data:`MIN_JACKKNIFE_IMAGES` poses, or if one of them is indispensable, the
+    adjustment's own covariance is scaled by the variance between poses over that of independent
+    corners. This assumes that errors of corners are correlated equally in all directions.
 
     Parameters
     ----------
-    observations : ndarray, shape (cameras, shots, 2, points)
-        Pixels that the adjustment fits.
-    points : ndarray, shape (3, points) or (cameras, shots, 3, points)
+    observations : ndarray, shape (cameras, poses, 2, points)
+        Pixels to which the adjustment was fitted.
+    points : ndarray, shape (3, points) or (cameras, poses, 3, points)
         The board's corners, m.
     adjustment : Adjustment
 
     Returns
     -------
     Adjustment
-        Without boards: its ``covariance`` is that of the cameras alone, poses before lenses, up to
-        a datum (see :func:`~.bundle_adjustment.camera_deviations`), its
-        ``deviations`` are from there, widened so that twice them cover 95 %.
+        Without boards. ``covariance`` is that of the cameras alone, poses before lenses, up to a
+        datum (see :func:`~.bundle_adjustment.camera_deviations`). ``deviations`` are its standard
+        deviations of the lenses, widened so that ± 2 of them cover 95 %.
     """
     n, own = len(adjustment.cameras), of_cameras(adjustment)
     boards = {name: getattr(adjustment, name)[:0] for name in ("rotations", "translations")}
@@ -67,7 +67,7 @@ def jackknife_cameras(
     right = sides[:, free] * units
     gauge, _ = np.linalg.qr(bundle.gauge_directions(alone)[free] / units[:, None])
     widths = np.ones(bundle.LENS_UNKNOWNS * n)
-    rest = parts.sum(axis=0) + gauge @ gauge.T - parts  # without each image; the gauge stays still
+    rest = parts.sum(axis=0) + gauge @ gauge.T - parts  # without each pose, in a fixed gauge
     if (
         len(parts) < MIN_JACKKNIFE_IMAGES
         or np.linalg.eigvalsh(rest)[:, 0].min() < bundle.MIN_EIGENVALUE
@@ -86,7 +86,7 @@ def jackknife_cameras(
 
 
 def of_cameras(adjustment: bundle.Adjustment) -> Array:
-    """Return an adjustment's own covariance of the cameras: poses, then lenses, (14 n, 14 n)."""
+    """Return the cameras' covariance in an adjustment, (14 n, 14 n): poses, then lenses."""
     n = len(adjustment.cameras)
     which = bundle.camera_unknowns(np.arange(n), n, len(adjustment.rotations))
     return adjustment.covariance[np.ix_(which, which)]
@@ -95,11 +95,11 @@ def of_cameras(adjustment: bundle.Adjustment) -> Array:
 def with_lenses(
     observations: Array, points: Array, adjustment: bundle.Adjustment, held: Array, poses: Array
 ) -> Array:
-    """Return covariance of cameras whose lenses were held fixed, errors of these lenses included.
+    """Add the uncertainty of lenses that were held fixed to the covariance of the cameras.
 
-    An error of the lenses moves the poses by −N_pp⁻¹ N_pl of it. `held` (8 n, 8 n) is the lenses'
-    covariance, `poses` what :func:`jackknife_cameras` says of the poses alone; it and the result
-    are (14 n, 14 n).
+    An error ε of the lenses moves the poses by −N_pp⁻¹ N_pl ε. `held` (8 n, 8 n) is the lenses'
+    covariance. `poses` (14 n, 14 n) is the covariance from :func:`jackknife_cameras` with fixed
+    lenses; the result has the same shape.
     """
     cut = bundle.POSE_UNKNOWNS * len(adjustment.cameras)
     units = np.sqrt(np.diag(poses)[:cut])
@@ -115,7 +115,7 @@ def with_lenses(
 def _image_contributions(
     observations: Array, points: Array, network: bundle.Network
 ) -> tuple[Array, Array]:
-    """Return each image's normal equations: Nₛ (shots, 14 n, 14 n) and gₛ (shots, 14 n)."""
+    """Return each board pose's contributions Nₛ (poses, 14 n, 14 n) and gₛ (poses, 14 n)."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     points = bundle.spread_points(points, observations)
     n, shots = seen.shape
@@ -138,11 +138,12 @@ def _image_contributions(
 
 
 def _widening_factors(parts: Array, gauge: Array, count: int) -> Array:
-    """Return factors that widen the last unknowns' deviations, which rest on few images.
+    """Return factors that widen the standard deviations of the last `count` unknowns.
 
-    With independent shots alike in all but Nₛ, the jackknife's variance of an unknown is on average
-    ρ = (m − 1)/m Σ vₛ / v of the true one, vₛ being the diagonal of (N − Nₛ)⁻¹ Nₛ (N − Nₛ)⁻¹ and v
-    that of N⁻¹, and has ν = (Σ vₛ)² / Σ vₛ² degrees of freedom (Welch and Satterthwaite).
+    For m independent board poses that differ only in Nₛ, the jackknife's variance of an unknown is
+    on average ρ = (m − 1)/m Σ vₛ / v times the true variance, with vₛ from the diagonal of
+    (N − Nₛ)⁻¹ Nₛ (N − Nₛ)⁻¹ and v from that of N⁻¹, and has ν = (Σ vₛ)² / Σ vₛ² degrees of freedom
+    (Welch and Satterthwaite).
     """
     whole = parts.sum(axis=0)
     inverse, others = (np.linalg.inv(N + gauge @ gauge.T) for N in (whole, whole - parts))
@@ -152,16 +153,16 @@ def _widening_factors(parts: Array, gauge: Array, count: int) -> Array:
     true = np.einsum("ij,jk,ki->i", inverse, whole, inverse, optimize=True)[last]
     excess = (m - 1) / m * total / true
     freedom = np.maximum(total**2 / np.sum(single**2, axis=0), 1.0)
-    wider = scipy.special.stdtrit(freedom, _COVERED_PROBABILITY)  # quantiles: Student, normal
+    wider = scipy.special.stdtrit(freedom, _COVERED_PROBABILITY)  # Student's over normal quantile
     wider /= scipy.special.ndtri(_COVERED_PROBABILITY)
     return np.maximum(wider / np.sqrt(excess), 1.0)
 
 
 def _variance_factor(parts: Array, right: Array, gauge: Array, sigma: float) -> float:
-    """Return the factor of the variances by which shots differ more than independent corners would.
+    """Return the ratio, at least 1, of the variance between poses to that of independent corners.
 
-    The sum of gₛᵀ N⁻¹ gₛ over all shots is then σ² (p − Σ tr (N⁻¹ Nₛ)²) on average, p being the
-    number of unknowns besides the gauge.
+    For independent corners the sum of gₛᵀ N⁻¹ gₛ over all poses is σ² (p − Σ tr (N⁻¹ Nₛ)²) on
+    average, where p is the number of unknowns without the gauge.
     """
     inverse = np.linalg.inv(parts.sum(axis=0) + gauge @ gauge.T)
     shares = inverse @ parts
@@ -173,16 +174,16 @@ def _variance_factor(parts: Array, right: Array, gauge: Array, sigma: float) -> 
 def jackknife_rig(
     corners: Array, board: Board, full: bundle.Adjustment, lens_covariance: Array | None = None
 ) -> bundle.Adjustment:
-    """Return calibrated cameras with deviations by :func:`jackknife_cameras`, lenses included.
+    """Estimate the uncertainty of calibrated cameras by :func:`jackknife_cameras`, with lenses.
 
-    The corners (cameras, shots, 2, corners), and the adjustment `full` of these, are those of
-    :func:`~thesis_lib.measure.calibration.rig.adjust_cameras`. Lenses that it held fixed are as
-    uncertain as each camera's own images leave them, or as their covariance (8 n, 8 n) from before
-    states; NaN where that is not known.
+    The corners (cameras, poses, 2, corners) and their adjustment `full` are those of
+    :func:`~thesis_lib.measure.calibration.rig.adjust_cameras`. For lenses that it held fixed, the
+    covariance is `lens_covariance` (8 n, 8 n) of an earlier calibration, NaN if unknown; by default
+    it is estimated from each camera's own images.
     """
     used = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]
     points = bundle.spread_points(board.corners_in_images(used), used)
-    if full.deviations.any():  # the lenses are adjusted, too: once more, from where they are now
+    if full.deviations.any():  # the lenses were adjusted: once more, starting from the result
         return jackknife_cameras(used, points, bundle.adjust_bundle(used, points, full.cameras))
     cameras = jackknife_cameras(used, points, full)
     if lens_covariance is None:

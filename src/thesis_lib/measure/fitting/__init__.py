@@ -1,7 +1,7 @@
-"""Tracks to points in space, to deflection shapes.
+"""Compute deflection shapes from marker tracks.
 
-From tracks on: `reconstruction` finds the structure's frame at rest; `frequency` the frequency and
-the cameras' clocks; `harmonics` fits the images' harmonics and triangulates them to amplitudes;
-`errors` tells how far these may be off; `result` puts all of it together, beside the modes of the
-structure's model.
+`reconstruction` fits the structure's frame at rest, `frequency` estimates the frequency and the
+cameras' clocks, `harmonics` fits the image harmonics and triangulates them to amplitudes, `errors`
+estimates their uncertainty, and `result` combines all of it and compares the shape with the modes
+of the structure's model.
 """

@@ -1,14 +1,14 @@
-"""How far a fitted vibration may be off: residuals in the plane, other tones, and the calibration.
+"""Estimate the errors of a fitted vibration: in-plane motion, other frequencies, calibration.
 
-A structure that bends moves along its normal. What its markers seem to do in its plane is therefore
-error: of centres, clocks or calibration. It needs no third camera, and tells how far the scatter of
-the centres falls short of the error.
+A structure that bends moves along its normal. Apparent motion of its markers in its plane is
+therefore an error of centres, clocks or calibration. It needs no third camera, and shows by how
+much the scatter of the centres underestimates the error.
 
-An error of a focal length or of a camera's place turns and stretches what the cameras measure, for
-all markers alike. Noise of the centres averages out where many markers are summed, as in sound;
-this does not. The amplitudes are triangulated again by cameras that are off by a standard deviation
-in each of the independent directions of the calibration's covariance. Where the world lies is free
-in it, and does not matter: the structure's frame comes from its markers at rest.
+An error of a focal length or of a camera's position rotates and stretches the measured shape for
+all markers alike. Noise of the centres averages out where many markers are summed, as in sound
+radiation; this error does not. The amplitudes are therefore triangulated again with cameras changed
+by one standard deviation in each independent direction of the calibration's covariance. The pose of
+the world frame does not matter: the structure's frame is fitted to its markers at rest.
 """
 
 import contextlib
@@ -30,32 +30,32 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables, split_complex
 from thesis_lib.vision import pinhole
 
-MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which a marker stands still in the video
-MIN_AWAKE_RATIO = 0.5  # of it, from which on one certainly does not
-MIN_MOVING_NEIGHBOURS = 6  # markers that move, beside one that stands still
-SLOPE_NEIGHBOURS = 9  # markers that tell the slope of the surface at one of them
-MIN_TONE_POWER_RATIO = 40.0  # times the mean power of what is left that a tone's must be
-MAX_SPECTRUM_FRAMES = 2048  # frames in which another tone is sought
-EXAMINED_SERIES = 8  # image coordinates of each camera that are looked at
-MIN_JUMP_PX = 0.1  # px by which a whole image must jump
-MIN_JUMP_SIGMAS = 8.0  # standard errors that it must jump by
-MAX_JUMP_FRAMES = 4096  # frames that are looked at
-MIN_EDGE_FRAMES = 5  # frames before and after a jump, at least
-MIN_MOTION_SHARE = 0.05  # share of the motion below which a frequency explains none of it
-MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
+MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which compression has frozen a marker
+MIN_AWAKE_RATIO = 0.5  # of the median scatter, from which on a marker is certainly not frozen
+MIN_MOVING_NEIGHBOURS = 6  # moving markers compared with each frozen one
+SLOPE_NEIGHBOURS = 9  # markers from which the slope of the surface at one of them is fitted
+MIN_TONE_POWER_RATIO = 40.0  # smallest power of another sine over the residual's mean power
+MAX_SPECTRUM_FRAMES = 2048  # most frames in which another sine is searched for
+EXAMINED_SERIES = 8  # image coordinates of each camera in that search
+MIN_JUMP_PX = 0.1  # smallest reported jump of a whole image, px
+MIN_JUMP_SIGMAS = 8.0  # smallest reported jump in standard errors
+MAX_JUMP_FRAMES = 4096  # most frames in which a jump is searched for
+MIN_EDGE_FRAMES = 5  # fewest frames before and after a jump
+MIN_MOTION_SHARE = 0.05  # share of the motion below which a frequency does not explain it
+MAX_DIRECTIONS = 16  # principal directions of the calibration error that are kept, the largest
 SHARED_VARIABLES = read_variables(__file__, "shared_errors")
 
 
 def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
-    """Return one camera's harmonics with the scatter that makes up for what compression swallowed.
+    """Return one camera's harmonics with scatter increased for motion lost by video compression.
 
-    A codec repeats a part of an image that hardly changes, so small motions are lost altogether,
-    those a little larger in part. Up to which image amplitude θ, those markers tell that move
-    beside markers that stand still. At an amplitude a the loss is at most about θ min(1, θ²/a²), as
-    in films by x264. No marker scatters by less than half of what the camera's markers do.
+    A codec repeats a part of an image that hardly changes: small motions are lost, slightly larger
+    ones in part. The threshold θ is the median image amplitude of moving markers next to frozen
+    ones. At an amplitude a the loss is at most about θ min(1, θ²/a²), as in videos by x264. The
+    scatter of a marker is raised to at least half of the camera's median.
 
-    Of tracks (2, markers), of markers at `places` (2, markers) on the structure in m. Returned are
-    the harmonics with larger `sigma`, and θ in px: 0 if no marker stands still.
+    The tracks are (2, markers), and the markers' `places` (2, markers) on the structure in m.
+    Return the harmonics with larger `sigma`, and θ in px: 0 if no marker is frozen.
     """
     each = np.sqrt(np.mean(own.sigma**2, axis=0))
     if not np.isfinite(each).any():
@@ -84,17 +84,17 @@ def in_plane(
     thickness: float,
     counted: Mask | slice = slice(None),
 ) -> tuple[ComplexArray, float]:
-    """Return motion in the plane that bending does not explain, and over what scatter explains.
+    """Return the in-plane motion not explained by bending, and its ratio to the expected scatter.
 
-    Markers are on the surface, half a thickness above the middle of a structure whose normal turns
-    with the slope of its deflection: they move in the plane by that slope times a length, which is
-    fitted, and at most the thickness. The motion is along the structure's x and y, (2, markers), in
-    m; the ratio is that of rms values over the markers that are counted, NaN where it is unknown.
+    Markers are on the surface, half a thickness above the mid-plane of a structure whose normal
+    turns with the slope of its deflection: they move in the plane by that slope times a length,
+    which is fitted and at most the thickness. The motion is along the structure's x and y,
+    (2, markers), in m; the ratio is an rms over the `counted` markers, NaN if unknown.
     """
     u, v, w = harmonics.motion_amplitude(fit, omega, exposures)
     moved, seen = np.array([u, v]), np.isfinite(w)
     slope = np.full((2, len(w)), np.nan + 0j)
-    if np.count_nonzero(seen) >= 4:  # of planes through neighbours
+    if np.count_nonzero(seen) >= 4:  # planes fitted to neighbours
         count = min(SLOPE_NEIGHBOURS, np.count_nonzero(seen))
         _, near = scipy.spatial.KDTree(places[:, seen].T).query(places.T, k=count)
         offset = places[:, seen][:, near] - places[:, :, None]
@@ -106,18 +106,18 @@ def in_plane(
         along = float(np.sum((slope.conj() * moved).real[:, known])) / square
         moved = moved - np.clip(along, -thickness, thickness) * np.nan_to_num(slope)
     std = np.array([harmonics.amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)])
-    with np.errstate(invalid="ignore", divide="ignore"):  # std is that of each of two parts
+    with np.errstate(invalid="ignore", divide="ignore"):  # std: of the real or imaginary part
         squares = (np.abs(moved) ** 2 / (2 * std**2))[:, counted]
     finite = squares[np.isfinite(squares)]
     return moved, float(np.sqrt(finite.mean())) if finite.size else np.nan
 
 
 def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> tuple[Array, Array]:
-    """Return the shapes from all cameras but one, and how far they should be from that of all.
+    """Return the shapes without each camera, and their expected deviations from the full shape.
 
-    Both (cameras, markers), in m. Both shapes rest on the same centres, each with gains of its own,
-    so the scatter of a centre counts by the difference of its gains. The deviation is NaN where the
-    camera that is left out does not see a marker.
+    Both are (cameras, markers), in m, and NaN with two cameras. The shapes with and without a
+    camera share centres, so the scatter of a centre counts by the difference of its gains. The
+    deviation is NaN where the camera that is left out does not see a marker.
     """
     count = len(fit.cameras)
     shapes = np.full((count, fit.rest.shape[2]), np.nan)
@@ -141,16 +141,16 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
 def explained_share(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> dict[str, float]:
-    """Return the share of the steady motion that a frequency and its harmonics explain.
+    """Return the share of the steady-state motion that a frequency and its harmonics explain.
 
-    It is that of the variance of the image coordinates that move most, ``explained``; of the
-    strongest other tone there is ``other_frequency`` in Hz, NaN if there is none, and
-    ``other_amplitude`` over that of the vibration, 0 if there is none.
+    ``explained`` is the share of the variance of the image coordinates that move most. The
+    strongest other sine has ``other_frequency`` in Hz, NaN if there is none, and
+    ``other_amplitude`` relative to the vibration, 0 if there is none.
     """
     found = {"explained": np.nan, "other_frequency": np.nan, "other_amplitude": 0.0}
     series = []
     for own in recordings:
-        with contextlib.suppress(FrequencyError):  # one that lost its markers
+        with contextlib.suppress(FrequencyError):  # a camera that lost its markers
             t, values = liveliest_series(own, begin, end, MAX_SPECTRUM_FRAMES)
             series.append((t, values[:, -EXAMINED_SERIES:].copy()))
     if not series:
@@ -172,10 +172,10 @@ def explained_share(
         return found
     found["explained"] = 1 - left / total
     peak = int(np.argmax(power))
-    tone = 4 * float(power[peak]) / 2  # variance of a sinusoid from its line in the spectrum
+    tone = 4 * float(power[peak]) / 2  # variance of a sine from its line in the spectrum
     if tone < MIN_TONE_POWER_RATIO * left / counted:
         return found
-    fitted = max(total - left, 1e-4 * tone)  # what fits by chance, if nothing else does
+    fitted = max(total - left, 1e-4 * tone)  # at least what chance explains
     ratio = float(np.sqrt(tone / fitted))
     return found | {"other_frequency": float(grid[peak]), "other_amplitude": ratio}
 
@@ -183,14 +183,14 @@ def explained_share(
 def find_jump(
     own: Recording, fit: Harmonics, omega: float, begin: float, end: float
 ) -> tuple[float, float]:
-    """Find how far all that a camera sees jumped, px, and when, s; 0 and NaN if it did not.
+    """Find a jump of a camera's whole image: its size, px, and time, s; 0 and NaN without one.
 
-    By the clock of the recording, of which `fit` is as :func:`harmonics.fit_tracks` returns it.
+    The time is on the recording's clock. `fit` is that of :func:`harmonics.fit_tracks`.
     """
     late = harmonics.row_delays(own, fit.coefficients[0])
-    fit = fit.earlier(omega, -late)  # of what is seen at the frames' times
+    fit = fit.earlier(omega, -late)  # without row correction, as `own.parts` yields centres
     first, last = own.between(begin, end)
-    every = -(-(last - first) // MAX_JUMP_FRAMES)  # of a long recording some frames tell
+    every = -(-(last - first) // MAX_JUMP_FRAMES)  # a subset of the frames suffices
     times, common = [], []
     for t, uv in ((t[::every], uv[::every]) for t, uv in own.parts(begin, end)):
         rest = uv - fit.at(omega, t)
@@ -217,7 +217,7 @@ def find_jump(
 
 
 def check_explained(tone: Mapping[str, float], given: float) -> None:
-    """Refuse a frequency in Hz that is given and explains nothing of a motion that has another."""
+    """Refuse a given frequency in Hz that explains none of a motion with another frequency."""
     if tone["explained"] < MIN_MOTION_SHARE and tone["other_amplitude"] > 1:
         raise FrequencyError(
             f"excitation.frequency_hz: given {given:.6g}, which explains "
@@ -233,23 +233,23 @@ def common_errors(
     exposures: Array,
     covariance: Array,
 ) -> ComplexArray:
-    """Return the calibration's errors of amplitudes in m, independent rows of one std each.
+    """Return amplitude errors in m due to calibration, in independent rows of one std each.
 
     Parameters
     ----------
     fits, omegas
-        One vibration or several by the cameras as calibrated, and their angular frequencies, rad/s.
+        One or several vibrations, fitted with the calibrated cameras, and their ω in rad/s.
     markers : Markers
-        What is on the structure.
+        Markers on the structure.
     exposures : ndarray
         Exposure times in s.
     covariance : ndarray, shape (14 n, 14 n)
-        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`.
+        Of n cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`.
 
     Returns
     -------
     ndarray, shape (rows, fits, markers)
-        As many rows as the covariance has directions that matter, at most :data:`MAX_DIRECTIONS`.
+        Principal directions of the amplitude errors, the largest, at most :data:`MAX_DIRECTIONS`.
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, ways = np.linalg.eigh(covariance / scale[:, None] / scale)
@@ -273,10 +273,10 @@ def common_errors(
 
 
 def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ComplexArray) -> xr.Dataset:
-    """Return a result with :data:`SHARED_VARIABLES`; its standard errors hold them.
+    """Add :data:`SHARED_VARIABLES` to a result, and include them in its standard errors.
 
-    `rows` are of :func:`common_errors`, of all fits or of one; `turns` multiply complex amplitudes
-    to those at the maximum of the vibration.
+    `rows` are those of :func:`common_errors`, for all fits or one; `turns` rotate the complex
+    amplitudes to the phase of largest deflection.
     """
     own = data["standard_error"]
     shared = np.sqrt(np.sum(np.real(rows * turns) ** 2, axis=0))
@@ -286,16 +286,16 @@ def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ComplexArray
 
 
 def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
-    """Fit the same images with cameras that are off by a step."""
+    """Convert the harmonics to cameras changed by a step, and fit the frame at rest again."""
     cameras = step_network(without_boards(fit.cameras), step).cameras
     seen, rest, reach = [], [], 0.5  # px
     for old, new, own, still in zip(fit.cameras, cameras, fit.harmonics, fit.rest, strict=True):
         mean = own.coefficients[0]
         ways = reach * np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [0, 0]])
         places = np.stack([*(mean + way[:, None] for way in ways), still], axis=1)
-        found = _undistort_again(old, new, places).swapaxes(0, 1)  # at once: far quicker
+        found = _undistort_again(old, new, places).swapaxes(0, 1)  # one call: far faster
         right, left, below, above, constant, resting = found
-        # Harmonics are undistorted to first order about their mean
+        # Harmonics are undistorted to first order about their mean.
         slopes = np.stack([right - left, below - above]) / (2 * reach)
         moved = np.einsum("inm,kim->knm", slopes, own.coefficients[1:])
         seen.append(replace(own, coefficients=np.concatenate([constant[None], moved])))
@@ -304,5 +304,5 @@ def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
 
 
 def _undistort_again(old: pinhole.Camera, new: pinhole.Camera, uv: Array) -> Array:
-    """Return places without distortion by one camera, as another one has them, (2, ...)."""
+    """Undistort pixels (2, ...) by the new camera that were undistorted by the old one."""
     return pinhole.undistort_pixels(new, pinhole.distort_pixels(old, uv))

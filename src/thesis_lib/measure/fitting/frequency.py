@@ -1,11 +1,11 @@
-"""The frequency of the vibration as the tracks show it, and the cameras' clocks by it.
+"""Estimate the vibration frequency and the cameras' clocks from the tracks.
 
-It is looked for in a periodogram where nobody has given it, and in any case measured by how the
-phase of the motion advances from part to part of the recording.
+If no frequency is given, a periodogram yields one. In any case it is measured by the advance of the
+motion's phase from part to part of the recording.
 
-All cameras film one vibration. Its frequency by the clock of each tells how fast that runs; and the
-phase of what a camera sees, against what the others see move along the normal, when it started, to
-within a period. Neither needs sound.
+All cameras film one vibration. Its frequency on each camera's clock yields the clock's rate. The
+phase of a camera's image motion relative to the motion along the normal yields the camera's start,
+to within a period. Neither needs sound.
 """
 
 from collections.abc import Sequence
@@ -21,25 +21,25 @@ from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_h
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.triangulation import image_jacobian
 
-MOST_FRAMES = 4096  # of each camera that the periodogram uses
+MOST_FRAMES = 4096  # most frames of each camera in the periodogram
 LIVELY_SERIES = 24  # image coordinates of each camera that move most
 MIN_KNOWN = 0.5  # share of the frames in which a coordinate must be known
-MIN_EXPLAINED_SHARE = 0.5  # of their variance that one frequency must explain
-PHASE_PARTS = 12  # parts whose phases are compared
-MIN_PART_FRAMES = 16  # frames of such a part
-MIN_CLOCK_SIGMAS = 5.0  # standard errors from which on a clock is corrected
-LEAST_TURN = 0.01  # rad over the recording, or of the phase, below which it is not worth it
+MIN_EXPLAINED_SHARE = 0.5  # share of their variance that one frequency must explain
+PHASE_PARTS = 12  # largest number of parts whose phases are compared
+MIN_PART_FRAMES = 16  # fewest frames of such a part
+MIN_CLOCK_SIGMAS = 5.0  # standard errors above which a clock is corrected
+LEAST_TURN = 0.01  # phase in rad, over the recording or at its start, above which it is corrected
 
 
 class FrequencyError(ValueError):
-    """Tracks that show no vibration; the message is one line."""
+    """No usable vibration frequency in the tracks; the message is one line."""
 
 
 @dataclass(frozen=True)
 class Advance:
-    """How the motion's phase and size change over the recording."""
+    """Change of the motion's phase and amplitude over the recording."""
 
-    frequency: float  #: Frequency in Hz at which the phase stands still
+    frequency: float  #: Frequency in Hz at which the phase is constant
     #: Its standard error in Hz, from the scatter of the parts; NaN with fewer than three parts
     deviation: float
     growth: float  #: Change of the amplitude over the whole recording, relative to its mean
@@ -77,7 +77,7 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
 
 
 def sum_spectra(grid: Array, times: Array, values: Array, divisor: float = 1.0) -> Array:
-    """Return the power of all values (times, series) at frequencies in Hz, over a divisor."""
+    """Sum the power of series (times, series) at frequencies in Hz, over a divisor."""
     step = (times[-1] - times[0]) / (len(times) - 1)
     n = 1 << int(np.ceil(np.log2(8 * len(times))))
     lines = (np.abs(np.fft.rfft(one, n)) ** 2 for one in values.T)  # one at a time, for memory
@@ -87,9 +87,10 @@ def sum_spectra(grid: Array, times: Array, values: Array, divisor: float = 1.0) 
 def liveliest_series(
     recording: Recording, begin: float, end: float, most: int = MOST_FRAMES
 ) -> tuple[Array, Array]:
-    """Return times (n,) and the image coordinates (n, series) that move most, less their means.
+    """Return times (n,) and the image coordinates (n, series) that move most, minus their means.
 
-    Of `most` frames, those that are known in more than half; NaN where they are not.
+    About `most` frames are read. Coordinates known in half of them or fewer are left out; missing
+    values are NaN.
     """
     times, values = [], []
     for t, uv in recording.parts(begin, end):
@@ -113,12 +114,12 @@ def liveliest_series(
 def phase_advance(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> Advance:
-    """Return the change of phase and amplitude between parts, for a frequency near the true one.
+    """Estimate the change of phase and amplitude between parts, from a frequency near the true one.
 
-    Every camera's image coordinates are fitted part by part. Against their mean over the parts the
-    fitted amplitudes have turned by 2π (f − f₀) t: the slope of that turn is the error of f₀.
+    Every camera's image coordinates are fitted part by part at f₀. Relative to their mean over the
+    parts, the complex amplitudes rotate by 2π (f − f₀) t; the slope of that phase corrects f₀.
     """
-    for _ in range(2):  # the mean is larger once the parts no longer turn against each other
+    for _ in range(2):  # the mean is larger once the parts are in phase
         middles, turns, sizes, weights = _fit_parts(recordings, begin, end, frequency, order)
         if len(middles) < 3:
             return Advance(frequency, np.nan, 0.0)
@@ -131,7 +132,7 @@ def phase_advance(
 def _fit_parts(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Return middle, turn in rad, relative size, weight of all cameras' parts, each (parts,)."""
+    """Return middles, phases in rad, relative sizes and weights of all cameras' parts, (parts,)."""
     omega = 2 * np.pi * frequency
     middles, turns, sizes, weights = [], [], [], []
     for own in recordings:
@@ -151,8 +152,8 @@ def _fit_parts(
         known = np.isfinite(A)
         A = np.where(known, A, 0)
         mean = A.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        own_power = known @ np.abs(mean) ** 2  # of what is seen in each part
-        if not own_power.all():  # it sees no marker
+        own_power = known @ np.abs(mean) ** 2  # of the markers that are seen in each part
+        if not own_power.all():  # a part without markers
             continue
         against = A @ mean.conj() / own_power
         middles += times
@@ -169,14 +170,14 @@ def _fit_slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
     spread = float(w @ dx**2)
     slope = float(w @ (dx * dy)) / spread
     residual = dy - slope * dx
-    own = np.minimum(w + w * dx**2 / spread, 0.99)  # by which a part pulls the line to itself
+    own = np.minimum(w + w * dx**2 / spread, 0.99)  # leverage of each part
     return slope, float(np.sqrt(w**2 @ (residual**2 / (1 - own) * dx**2))) / spread
 
 
 def refine_frequency(start: float, motion: Advance, sound: xr.Dataset) -> float:
-    """Return the frequency in Hz of the fit: the given or found one, unless tracks or sound differ.
+    """Return the frequency in Hz for the fit: `start`, or that of tracks or sound if it differs.
 
-    The more certain of the two decides, if it is three standard errors away.
+    The more precise of the two replaces `start` if it is more than three standard errors away.
     """
     found = [
         (motion.deviation, motion.frequency),
@@ -190,10 +191,10 @@ def refine_frequency(start: float, motion: Advance, sound: xr.Dataset) -> float:
 def estimate_paces(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> tuple[Array, Array, Mask]:
-    """Estimate the cameras' clock rates from the frequency that each sees, (cameras,).
+    """Estimate the cameras' clock rates from the frequencies on their clocks, (cameras,).
 
-    By how much faster than the first camera's each clock runs, relative, NaN if that cannot be
-    told; its standard error; and whether it is certain, and worth a correction.
+    Return the relative excess of each rate over the first camera's, NaN if unknown; its standard
+    error; and whether it is significant and large enough for a correction.
     """
     seen = [phase_advance([own], begin, end, frequency, order) for own in recordings]
     by_each, error = np.array([(own.frequency, own.deviation) for own in seen]).T
@@ -205,7 +206,7 @@ def estimate_paces(
 
 
 def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording]:
-    """Return the recordings with clocks corrected as those of a result were."""
+    """Correct the clocks of recordings as in a result."""
     at = float(data["steady"].mean())
     paces = np.where(data["corrected"], data["pace"], 0.0)
     return [
@@ -215,11 +216,11 @@ def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording
 
 
 def phase_lags(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
-    """Return phases by which cameras lag behind the first and their errors, (cameras,), rad.
+    """Return phase lags of cameras behind the first and their standard errors, (cameras,), rad.
 
-    What moves along the normal by w has in camera c the image amplitude J w, J being the image of
-    the normal, whatever else is true of it. So with w as the first camera sees it, the phase of
-    Σ (J w)* A is that of the camera's clock.
+    A motion w along the normal has the image amplitude A = J w in camera c, where J is the image
+    Jacobian along the normal. With w from the first camera, the phase of Σ (J w)* A is thus the
+    phase lag of the camera's clock.
     """
     own_fits = correct_exposure(fit, omega, exposures)
     images = np.array([h.coefficients[1] - 1j * h.coefficients[2] for h in own_fits])
@@ -239,10 +240,10 @@ def phase_lags(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Arra
 
 
 def correct_starts(fit: Fitted, omega: float, exposures: Array) -> tuple[Fitted, Array, Array]:
-    """Return the fit with corrected starts of the cameras.
+    """Correct the starts of the cameras in a fit.
 
-    With it, how much later each starts than was assumed, 0 where not certain, and the standard
-    errors of that, (cameras,), s.
+    Return the fit, how much later than assumed each camera starts, 0 where not significant, and the
+    standard errors, (cameras,), s.
     """
     turn, errors = phase_lags(fit, omega, exposures)
     certain = np.abs(turn) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN)

@@ -1,7 +1,7 @@
-"""Harmonics of tracks: all frames of all cameras, each at its own times, count.
+"""Fit harmonics to tracks, using all frames of all cameras at their own times.
 
 Every image coordinate of every marker is fitted with a constant and the harmonics of a known
-frequency. The sums of the fit can be made part by part, so a recording of any length fits into
+frequency. The normal equations are summed part by part, so a recording of any length fits into
 memory.
 """
 
@@ -20,9 +20,9 @@ from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole
 
-INSTANTS = 16  # of a period, at which harmonics are triangulated
-#: Trial frequencies about that of a vibration, in cycles per recording: the fit has taken what is
-#: nearer, and further away the noise may be another
+INSTANTS = 16  # instants per period at which harmonics are triangulated
+#: Frequencies about that of a vibration, in cycles per recording, for the noise near it: the fit
+#: absorbs closer ones, and further away the noise may differ
 NEAR_CYCLES = np.r_[-8:-1, 2:9]
 MIN_SCATTER_PX = 1e-9  # scatter below which a codec repeats a marker, but for rounding
 
@@ -35,14 +35,14 @@ class Harmonics:
     coefficients: Array
     #: Of the coefficients, for a scatter of one, shape (1 + 2 order, 1 + 2 order, ...)
     covariance: Array
-    #: Standard deviation of the residuals, with degrees of freedom; NaN where nothing is known,
-    #: shape (...)
+    #: Standard deviation of the residuals, corrected for degrees of freedom; NaN where the data do
+    #: not suffice, shape (...)
     sigma: Array
 
     def unblurred(self, turn: float) -> Harmonics:
-        """Return the harmonics without the loss by exposures of `turn` = ωT rad.
+        """Correct the harmonics for the loss by an exposure T; `turn` is ωT in rad.
 
-        The mean over an exposure of T shrinks harmonic n by sin(nωT/2) / (nωT/2).
+        The mean over an exposure of T reduces harmonic n by sin(nωT/2) / (nωT/2).
         """
         order = (len(self.coefficients) - 1) // 2
         loss = np.sinc(np.arange(1, order + 1) * turn / (2 * np.pi))
@@ -52,7 +52,7 @@ class Harmonics:
         return Harmonics(self.coefficients * along, covariance, self.sigma)
 
     def earlier(self, omega: float, seconds: ArrayLike) -> Harmonics:
-        """Return the harmonics of values that were taken later than assumed, by seconds (...)."""
+        """Return the harmonics of values that were sampled `seconds` (...) later than assumed."""
         late = np.asarray(seconds, float)
         coefficients = self.coefficients.copy()
         for n in range(1, (len(coefficients) - 1) // 2 + 1):
@@ -62,7 +62,7 @@ class Harmonics:
         return replace(self, coefficients=coefficients)
 
     def raised(self, constant: ArrayLike) -> Harmonics:
-        """Return the harmonics of values that are larger by a constant (...)."""
+        """Return the harmonics of the values plus a constant (...)."""
         coefficients = self.coefficients.copy()
         coefficients[0] += constant
         return replace(self, coefficients=coefficients)
@@ -83,12 +83,12 @@ def harmonic_basis(omega: float, times: ArrayLike, order: int) -> Array:
 
 
 def fit_parts(omega: float, parts: Iterable[tuple[Array, Array]], order: int = 2) -> Harmonics:
-    """Return the harmonics of values that come part by part, as of :func:`fit_harmonics`.
+    """Fit harmonics to values that are given part by part, like :func:`fit_harmonics`.
 
-    Parts are times (n,) and values (n, ...), NaN where missing. The scatter is found to about 1e-8
-    of the values: they should be those about a mean.
+    Parts are times (n,) and values (n, ...), NaN where missing. The scatter is accurate to about
+    1e-8 of the values, so a mean should be subtracted from them.
     """
-    matrix, right, squares, count = (np.zeros(1) for _ in range(4))  # normal equations, and sums
+    matrix, right, squares, count = (np.zeros(1) for _ in range(4))  # normal equations and sums
     for times, values in parts:
         A, shape = harmonic_basis(omega, times, order), values.shape[1:]
         flat = values.reshape(len(A), -1)
@@ -110,16 +110,16 @@ def fit_parts(omega: float, parts: Iterable[tuple[Array, Array]], order: int = 2
 
 
 def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Harmonics:
-    """Return the least-squares harmonics of values (times, ...); NaN is left out.
+    """Fit harmonics to values (times, ...) by least squares, ignoring NaN.
 
     Parameters
     ----------
     omega : float
         Angular frequency of the first harmonic in rad/s.
     times : array_like, shape (times,)
-        In s, of all series.
+        Common times of all series in s.
     values : array_like, shape (times, ...)
-        Series to fit, each by itself.
+        Series, each fitted separately.
     order : int
         Number of harmonics.
 
@@ -130,7 +130,7 @@ def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int 
     """
     times, values = np.asarray(times, float), np.asarray(values, float)
     found = fit_parts(omega, [(times, values)], order)
-    # The scatter from the residuals themselves; the sums lose it in the squares of the values.
+    # The scatter from the residuals themselves; in the sums of squares it is lost to rounding.
     left, count = values - found.at(omega, times), np.isfinite(values).sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = np.sqrt(np.nansum(left**2, axis=0) / (count - len(found.coefficients)))
@@ -138,7 +138,7 @@ def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int 
 
 
 def mean_of(values: Array) -> Array:
-    """Return the mean over the first axis of what is known; NaN where less than half is."""
+    """Return the mean of finite values over the first axis; NaN where fewer than half are."""
     known = np.isfinite(values)
     count = known.sum(axis=0)
     mean = np.where(known, values, 0.0).sum(axis=0) / np.maximum(count, 1)
@@ -174,29 +174,29 @@ class Fitted:
 def combine_fit(
     cameras: list[pinhole.Camera], harmonics: list[Harmonics], rest: Array, markers: Markers
 ) -> Fitted:
-    """Put harmonics and markers at rest together, in the frame of the markers' grid."""
+    """Combine harmonics and markers at rest, with the frame of the markers' grid."""
     points, _ = reconstruction.triangulate_seen(pinhole.projection_matrices(cameras), rest)
     frame = reconstruction.fit_grid(points, markers.world[:, : markers.count])
     return Fitted(cameras, harmonics, rest, frame)
 
 
 def correct_exposure(fit: Fitted, omega: float, exposures: ArrayLike) -> list[Harmonics]:
-    """Return the harmonics without the loss by each camera's exposure in s."""
+    """Correct the harmonics for the loss by each camera's exposure in s."""
     times = np.broadcast_to(np.asarray(exposures, float), len(fit.cameras))
     return [own.unblurred(omega * float(t)) for own, t in zip(fit.harmonics, times, strict=True)]
 
 
 def deflection_amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
-    """Return the complex amplitudes of the deflection at ω, shape (markers,), in m."""
+    """Return the complex amplitudes of the deflection at ω in rad/s, shape (markers,), in m."""
     return np.asarray(motion_amplitude(fit, omega, exposures)[2], complex)
 
 
 def motion_amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
     """Return complex amplitudes along the structure's axes at ω, (3, markers), m, for e^{+jωt}.
 
-    The harmonics of each camera, fitted at that camera's own times, are evaluated at common
-    instants of one period, triangulated there without any linearisation, and summed to the first
-    harmonic of the motion.
+    The harmonics of each camera, fitted at its own times, are evaluated at common instants of one
+    period and triangulated there without linearisation. The result is the first harmonic of these
+    positions.
     """
     times = np.arange(INSTANTS) * 2 * np.pi / (omega * INSTANTS)
     seen = correct_exposure(fit, omega, exposures)
@@ -207,27 +207,27 @@ def motion_amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> Complex
 
 
 def amplitude_std(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2) -> Array:
-    """Compute the amplitude's standard deviation in phase, by the centres' scatter, (markers,), m.
+    """Compute the standard deviation of amplitudes from the centres' scatter, (markers,), m.
 
-    White noise of σ over N frames leaves σ √(2/N) in each of the two parts of an amplitude. Along
-    the structure's normal, or along another of its axes.
+    It applies to the real and to the imaginary part, each of which has σ √(2/N) for white noise of
+    σ over N frames, along the structure's normal or another `axis`.
     """
     noise = image_std(fit, omega, exposures)
     return reconstruction.height_deviation(fit.P, fit.frame, fit.points, noise, axis)
 
 
 def image_std(fit: Fitted, omega: float, exposures: ArrayLike) -> Array:
-    """Return the standard deviation of images' amplitudes in phase, (cameras, 2, markers), px."""
+    """Return the std of the real or imaginary image amplitudes, (cameras, 2, markers), px."""
     own = correct_exposure(fit, omega, exposures)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in own])
     return np.asarray(fit.sigma * spread, float)
 
 
 def common_phase(shape: ComplexArray, expected: float | None = None) -> float:
-    """Return the phase in rad that leaves least of the shape in quadrature.
+    """Return the phase in rad that minimises the quadrature part of a shape.
 
-    Of the two that do, half a period apart, it is the one nearer to an expected phase in rad; if
-    none is expected, the one in which the largest deflection is upward.
+    Of the two solutions, half a period apart, it is the one nearer to an expected phase in rad, or
+    by default the one in which the largest deflection is upward.
     """
     phase = 0.5 * float(np.angle(np.nansum(shape**2)))
     if expected is not None:
@@ -239,7 +239,7 @@ def common_phase(shape: ComplexArray, expected: float | None = None) -> float:
 
 
 def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
-    """Return the deflection (markers,) in m at its maximum, near an expected phase in rad."""
+    """Return the deflection (markers,) in m at its maximum nearest to a phase in rad."""
     phase = common_phase(amplitude, expected_phase)
     return np.asarray(np.real(amplitude * np.exp(-1j * phase)), float)
 
@@ -253,12 +253,12 @@ def fit_tracks(
     end: float,
     order: int,
 ) -> Fitted:
-    """Return all cameras' harmonics as they are, with the markers' places at rest.
+    """Fit the harmonics of all cameras' tracks, without correction for exposure.
 
-    Of so many harmonics of ω in rad/s from `begin` to `end` in s. `rest` (cameras, 2, markers) is
-    that of :func:`at_rest`, NaN of markers that were hidden then; `frame` is the structure's. A
-    rolling shutter sees every marker at the time of its row; the harmonics are those at the frames'
-    times.
+    `order` harmonics of ω in rad/s are fitted from `begin` to `end` in s. `rest` (cameras, 2,
+    markers) is that of :func:`at_rest`, NaN for markers that were hidden then; `frame` is the
+    structure's. A rolling shutter exposes every marker at the time of its row; the harmonics are
+    corrected to the frames' times.
     """
     fits = []
     for own, middle in zip(recordings, rest.copy(), strict=True):
@@ -272,21 +272,21 @@ def fit_tracks(
 def _parts_about(
     middle: Array, parts: Iterable[tuple[Array, Array]]
 ) -> Iterator[tuple[Array, Array]]:
-    """Yield parts about places (2, markers), which are completed where they are NaN."""
+    """Yield parts minus positions (2, markers), of which NaN are filled in place with means."""
     for times, uv in parts:
         middle[:] = np.where(np.isfinite(middle), middle, mean_of(uv))
         yield times, uv - middle
 
 
 def at_rest(own: Recording, seconds: float) -> Array:
-    """Return the mean centres before the motion, without distortion, (2, markers), px."""
+    """Return the mean undistorted centres of the rest interval, (2, markers), px."""
     return mean_of(own.read_tracks(own.delay, own.delay + seconds - 1 / own.rate)[1])
 
 
 def rest_of(
     manifest: Manifest, recordings: Sequence[Recording], seconds: float
 ) -> reconstruction.Rest:
-    """Return the markers at rest, by their mean places up to so many seconds."""
+    """Return the markers at rest, from their mean positions in the first `seconds`."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     still = np.array([at_rest(own, seconds) for own in recordings])
     frame = reconstruction.check_frame(cameras, still, markers)
@@ -296,7 +296,7 @@ def rest_of(
 
 
 def row_delays(own: Recording, uv: Array) -> Array:
-    """Compute when a rolling shutter sees places (2, markers) after its frames' times, s."""
+    """Compute the rolling-shutter delays of positions (2, markers) after the frames' times, s."""
     rows = pinhole.distort_pixels(own.camera, uv)[1] / own.camera.size[1]
     return np.asarray(own.readout * (rows - 0.5), float)
 
@@ -305,8 +305,8 @@ def noise_near(own: Recording, fit: Harmonics, omega: float, begin: float, end: 
     """Estimate the power of a camera's residuals near a frequency over their mean power.
 
     It is one for white noise. Scatter that is correlated from frame to frame has more power at low
-    frequencies and less at high ones, and the variance of an amplitude is proportional to it. An
-    amplitude that grows or falls evenly is no noise, and is taken out. `fit` is that of
+    frequencies and less at high ones, and the variance of an amplitude is proportional to it. A
+    linear change of the amplitude is no noise and is removed. `fit` is that of
     :func:`fit_tracks`, of ω in rad/s from `begin` to `end` in s.
     """
     order = (len(fit.coefficients) - 1) // 2
@@ -325,7 +325,7 @@ def noise_near(own: Recording, fit: Harmonics, omega: float, begin: float, end: 
         left = np.nan_to_num(left)
         square, cross = square + A.T @ A, cross + A.T @ E
         right, lines = right + A.T @ left, lines + E.T @ left
-    taken = np.linalg.solve(square, cross)  # what a fit of A takes of the lines
+    taken = np.linalg.solve(square, cross)  # regression of the spectral lines on the columns of A
     lines = lines - taken.T @ right
     free = (frames * len(near) - np.sum(cross.conj() * taken).real) * known.sum() / frames
     return float(np.sum(np.abs(lines) ** 2) / free) if free > 0 else 1.0

@@ -1,4 +1,4 @@
-"""From tracks to deflections: triangulation, the structure's frame, one instant.
+"""Compute deflections from tracks: triangulation, the structure's frame, single instants.
 
 Tracks are marker centres without lens distortion, shape ``(cameras, 2, frames, markers)`` in px,
 NaN where a marker is missing; every camera has its own times, shape ``(cameras, frames)`` in s.
@@ -15,7 +15,7 @@ from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.vision.pinhole import Camera, project, projection_matrices
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
-GRID_SHARE, GRID_SCALE = 0.1, 0.01  # most distance over spacing, and error of size, at rest
+GRID_SHARE, GRID_SCALE = 0.1, 0.01  # largest rms misfit over spacing, and scale error, at rest
 
 
 def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
@@ -26,7 +26,7 @@ def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
     P : array_like, shape (cameras, 3, 4)
         Projection matrices.
     uv : array_like, shape (cameras, 2, ...)
-        Images in px, NaN where a camera does not see a point.
+        Image coordinates in px, NaN where a camera does not see a point.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
 
 
 def group_visible(visible: Mask) -> Iterator[tuple[Mask, Mask]]:
-    """Yield sets of two cameras or more, and the points (cameras, n) that just these see."""
+    """Yield each set of two or more cameras, and a mask of the points that exactly these see."""
     for pattern in np.unique(visible, axis=1).T:
         if np.count_nonzero(pattern) >= 2:
             yield pattern, (visible == pattern[:, None]).all(axis=0)
@@ -53,23 +53,23 @@ def group_visible(visible: Mask) -> Iterator[tuple[Mask, Mask]]:
 
 @dataclass(frozen=True)
 class Frame:
-    """The beam's frame in the frame of the calibration, from its markers at rest."""
+    """The structure's frame in the calibration's frame, from the markers at rest."""
 
     R: Array  #: Rotation: ``beam = R @ (calibration − origin)``, shape (3, 3)
-    origin: Array  #: The beam's centre in the calibration's frame, m, shape (3,)
+    origin: Array  #: The structure's centre in the calibration's frame, m, shape (3,)
     rms: float  #: Rms distance of the markers from the nominal grid, m
     scale: float  #: Size of the measured grid over the nominal one; 1 if the calibration is right
-    tilt: float  #: Angle between the plane of the markers alone and the fitted one, rad
+    tilt: float  #: Angle between the best-fit plane of the markers and that of the frame, rad
 
     def to_beam(self, points: ArrayLike) -> Array:
-        """Return the points (3, ...) of the calibration's frame in the beam's, m."""
+        """Convert points (3, ...) from the calibration's frame to the structure's, m."""
         p = np.asarray(points, float)
         shifted = p - self.origin.reshape((3,) + (1,) * (p.ndim - 1))
         return np.asarray(np.tensordot(self.R, shifted, axes=1), float)
 
 
 def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
-    """Return rigid fit of measured markers (3, n) to their nominal grid (3, n), by Kabsch's method.
+    """Fit measured markers (3, n) rigidly to their nominal grid (3, n) by Kabsch's method.
 
     Raises
     ------
@@ -97,18 +97,18 @@ class Rest:
     """The markers at rest."""
 
     images: Array  #: Centres without distortion, px, shape (cameras, 2, markers)
-    frame: Frame  #: The structure's
-    points: Array  #: In the calibration's frame, m, shape (3, markers)
-    places: Array  #: On the structure, m, shape (2, markers)
-    thickness: float = 0.0  #: Of the structure, m
+    frame: Frame  #: The structure's frame
+    points: Array  #: Positions in the calibration's frame, m, shape (3, markers)
+    places: Array  #: Nominal positions on the structure, m, shape (2, markers)
+    thickness: float = 0.0  #: Thickness of the structure, m
 
 
 def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: int = 6) -> Array:
-    """Return Lagrange interpolation of values (times, ...) at one time, through the nearest frames.
+    """Interpolate values (times, ...) at one time by a Lagrange polynomial through near frames.
 
-    Six frames err by less than (ωh)⁶ 5/1024 of the amplitude for a step h: 4·10⁻⁵ at 60 frames a
-    second and 4.25 Hz. Where one of them is missing the value is NaN. One point is the nearest
-    frame itself.
+    The error of six frames is below (ωh)⁶ 5/1024 of the amplitude for a step h: 4·10⁻⁵ at 60 frames
+    a second and 4.25 Hz. The value is NaN where one of them is missing. With ``points=1`` it is
+    that of the nearest frame.
     """
     t, values = np.asarray(times, float), np.asarray(values, float)
     step = t[1] - t[0]
@@ -123,10 +123,10 @@ def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: i
 
 
 def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) -> Array:
-    """Return the deflection along the beam's normal (markers,), m, from rest and one instant.
+    """Compute the deflection along the normal (markers,), m, from images at rest and one instant.
 
-    Both images have shape (cameras, 2, markers); a marker seen by other cameras at rest than at
-    the instant counts in both with the cameras that it has in common.
+    Both images have shape (cameras, 2, markers). A marker is triangulated at both times with the
+    cameras that see it at both.
     """
     rest, uv = np.asarray(rest, float), np.asarray(uv, float)
     both = np.isfinite(rest) & np.isfinite(uv)
@@ -141,9 +141,9 @@ def measure_instant(
 ) -> tuple[Array, Array]:
     """Measure the deflection at one instant, with its standard uncertainty, both (markers,), m.
 
-    From rest and the instant as in :func:`deflection_at`; `sigma`, (cameras, 2, markers), is the
-    standard deviation by noise of an image of the instant less that of rest, px. Both rest on the
-    cameras that see a marker in both images; NaN if fewer than two do.
+    `rest` and `uv` are as in :func:`deflection_at`; `sigma`, (cameras, 2, markers), is the noise
+    standard deviation of the centres at the instant minus those at rest, px. Results are NaN where
+    fewer than two cameras see a marker in both images.
     """
     rest, uv = np.asarray(rest, float), np.asarray(uv, float)
     common = np.where(np.isfinite(rest) & np.isfinite(uv), sigma, np.nan)
@@ -152,10 +152,10 @@ def measure_instant(
 
 
 def normal_gain(P: Array, frame: Frame, points: Array, seen: Mask, axis: int = 2) -> Array:
-    """Change of a point's height over the beam by each image coordinate, (cameras, 2, n), m/px.
+    """Return the derivative of a point's height by each image coordinate, (cameras, 2, n), m/px.
 
-    Or of its place along another `axis` of the beam. A camera that does not see a point, by `seen`
-    (cameras, n), has no part in it; NaN where fewer than two do.
+    Height is along the structure's normal, or another `axis`. The derivative is zero for a camera
+    that does not see a point by `seen` (cameras, n), and NaN where fewer than two do.
     """
     gains = np.zeros((len(P), 2, points.shape[1]))
     gains[:, :, seen.sum(axis=0) < 2] = np.nan
@@ -168,7 +168,7 @@ def normal_gain(P: Array, frame: Frame, points: Array, seen: Mask, axis: int = 2
 def height_deviation(P: Array, frame: Frame, points: Array, sigma: Array, axis: int = 2) -> Array:
     """Return the standard deviation of heights (n,) in m for centre noise (cameras, 2, n) in px.
 
-    Or of places along another `axis` of the beam. Where the noise is NaN a camera does not see it.
+    Height is along the structure's normal, or another `axis`. NaN noise marks unseen points.
     """
     seen: Mask = np.all(np.isfinite(sigma), axis=1)
     each = normal_gain(P, frame, points, seen, axis) * np.where(seen[:, None], sigma, 0.0)
@@ -176,7 +176,7 @@ def height_deviation(P: Array, frame: Frame, points: Array, sigma: Array, axis: 
 
 
 def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
-    """Return the rms residual in px of a coordinate of markers at rest (cameras, 2, markers)."""
+    """Return each camera's rms residual per coordinate in px of `rest` (cameras, 2, markers)."""
     P = projection_matrices(cameras)
     points, _ = triangulate_seen(P, rest)
     return np.asarray(np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2))), float)
@@ -185,8 +185,8 @@ def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
 def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
     """Return the structure's frame from undistorted markers at rest, (cameras, 2, markers).
 
-    Refuse those on one line, those that do not fit their places, with the camera that fits worst,
-    and those that all cameras see from behind.
+    Raises a ``ChainError`` if the markers are on one line, if they do not fit their nominal
+    positions (naming the camera that fits worst), or if all cameras see them from behind.
     """
     points, seen = triangulate_seen(projection_matrices(cameras), rest)
     frame = fit_grid(points, markers.world[:, : markers.count])
@@ -209,7 +209,7 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
     off = misfit_at_rest(cameras, rest)
     worst = int(np.nanargmax(off))
     who = f"camera {cameras[worst].name} fits worst, by {off[worst]:.1f} px: "
-    if len(cameras) == 2:  # which contradict each other
+    if len(cameras) == 2:  # either may be wrong
         who = f"camera {cameras[0].name} or {cameras[1].name}, by {off[worst]:.1f} px: "
     raise ChainError(
         f"the markers at rest are {1000 * frame.rms:.1f} mm off their grid, whose size comes out "

@@ -1,7 +1,6 @@
-"""Deflection shapes from tracks, clocks and calibrated cameras, and which mode they are most like.
+"""Compute deflection shapes from tracks, and compare them with the modes of the structure's model.
 
-What a shape is compared with are the modes of the structure's model; the result is one labelled
-dataset.
+The result is one labelled dataset.
 """
 
 from collections.abc import Sequence
@@ -23,12 +22,12 @@ from thesis_lib.vibration.motion import Component, fold_frequency, list_aliases
 from thesis_lib.vibration.structure import Beam, Plate, resonance_frequency
 from thesis_lib.vision.simulation import assurance_criterion
 
-BENDING_MODES, TORSION_MODES, PLATE_MODES = 6, 3, 12  # modes of each kind that are tried
+BENDING_MODES, TORSION_MODES, PLATE_MODES = 6, 3, 12  # modes of each kind that are compared
 HARMONIC_ORDER = 2  # harmonics of the images that are fitted
-MAX_ALIAS_RATIO = 4.0  # frame rates up to which aliases are considered
-ALIAS_FRAMES = 1000  # frames that tell them
-MAX_SCALE_ERROR = 0.002  # by which the grid's size may be off before it counts as wrong
-# Of the frame rate; from there on the second harmonic's alias nears the first's
+MAX_ALIAS_RATIO = 4.0  # highest considered alias over the highest frame rate
+ALIAS_FRAMES = 1000  # frames used to distinguish aliases
+MAX_SCALE_ERROR = 0.002  # relative error of the grid's size that is tolerated
+# Frequency over frame rate from which on the second harmonic's alias is too close to the first's
 MIN_FOLDED_RATIO = 0.2
 VARIABLES = read_variables(__file__, "shape")
 
@@ -37,10 +36,10 @@ VARIABLES = read_variables(__file__, "shape")
 class Candidate:
     """A mode of the model."""
 
-    name: str  #: What it is called, as ``bending 1``
+    name: str  #: Name, such as ``bending 1``
     #: Frequency in Hz of its displacement resonance by the model; NaN where the model has none
     frequency: float
-    shape: Array  #: Its deflection at the markers, of any size, shape (markers,)
+    shape: Array  #: Its deflection at the markers, of arbitrary scale, shape (markers,)
 
 
 def model_of(structure: StructureSpec) -> Beam | Plate | None:
@@ -87,12 +86,12 @@ def candidate_modes(structure: StructureSpec) -> list[Candidate]:
         )
         for name, kind, n in kinds
     ]
-    # Markers on a line of no motion, as those of one row in torsion, see nothing of a mode.
+    # Markers on a nodal line, such as a single row in torsion, do not move in that mode.
     return [one for one in found if np.abs(one.shape).max() > 1e-9]
 
 
 def scale_model(measured: Array, shape: Array) -> Array:
-    """Scale the model's shape to fit the measured one best, shape (markers,), m."""
+    """Scale the model's shape to the measured one by least squares, shape (markers,), m."""
     known = np.isfinite(measured)
     w, phi = measured[known], shape[known]
     return np.asarray(shape * float(np.sum(w * phi) / np.sum(phi * phi)), float)
@@ -101,7 +100,7 @@ def scale_model(measured: Array, shape: Array) -> Array:
 def compare_modes(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]:
     """Compare a measured shape (markers,) in m with the model's modes.
 
-    Returned are variables of the result, and the most similar mode; empty without a model.
+    Return variables of the result, and the name of the most similar mode; "" without a model.
     """
     mac = np.array([assurance_criterion(shape, mode.shape) for mode in modes])
     best = modes[int(np.nanargmax(mac))] if np.isfinite(mac).any() else None
@@ -119,7 +118,7 @@ def compare_modes(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any],
 
 
 def known_rms(values: Array) -> float:
-    """Return the root mean square of what is known; NaN if nothing is."""
+    """Return the root mean square of the finite values; NaN if there are none."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
 
@@ -130,39 +129,39 @@ def shape_result(
     recordings: Sequence[Recording],
     covariance: Array | None = None,
 ) -> xr.Dataset:
-    """Return the deflection shape, its standard errors, and what they rest on.
+    """Compute the deflection shape, its standard errors, and diagnostics.
 
     Dimensions are ``marker``, ``camera``, ``candidate``, ``axis``.
 
     Parameters
     ----------
     sound : xarray.Dataset
-        What the sound tells: ``frequency`` in Hz, given or found, or NaN; ``of_sound`` and
-        ``of_sound_deviation``, what the force's signal has, or NaN; ``force``, 0 if unknown;
-        ``steady``.
+        Results of the synchronisation: ``frequency`` in Hz, given or estimated, or NaN;
+        ``of_sound`` and ``of_sound_deviation``, the frequency of the force signal and its standard
+        error, or NaN; ``force``, 0 if unknown; ``steady``.
     covariance : ndarray, optional
-        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`;
-        then the result has ``SHARED_VARIABLES`` of
-        :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors hold it.
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`.
+        With it the result also has ``SHARED_VARIABLES`` of
+        :mod:`~thesis_lib.measure.fitting.errors`, and standard errors include it.
 
     Raises
     ------
     ChainError
-        If the markers at rest do not fit their places.
+        If the markers at rest do not fit their nominal positions.
     FrequencyError
-        If no frequency is given and none is found.
+        If no frequency is given and none is found, or a given one does not explain the motion.
     """
     begin, end = (float(value) for value in sound["steady"].values)
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     excitation = manifest.excitation
-    still_s = excitation.rest_duration_s or end  # if never at rest, their mean place
+    still_s = excitation.rest_duration_s or end  # without rest interval, the mean position
     still = harmonics.rest_of(manifest, recordings, still_s)
     rest, frame = still.images, still.frame
     given = float(sound["frequency"])
     start = given if np.isfinite(given) else clocks.look_for(recordings, begin, end)
     order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
     paces, pace_errors, corrected = clocks.estimate_paces(recordings, begin, end, start, order)
-    recordings = [  # unchanged in the middle
+    recordings = [  # corrected about the middle
         own.paced(1 / (1 + float(pace)), 0.5 * (begin + end)) if is_off else own
         for own, pace, is_off in zip(recordings, paces, corrected, strict=True)
     ]
@@ -186,7 +185,7 @@ def shape_result(
     turned = complex_shape * np.exp(-1j * phase)
     shape, error = turned.real, harmonics.amplitude_std(fit, omega, exposures)
     usual = np.nanmedian(scatter, axis=-1, keepdims=True)
-    frozen = scatter < errors.MAX_FROZEN_RATIO * usual  # which markers compression freezes
+    frozen = scatter < errors.MAX_FROZEN_RATIO * usual  # markers frozen by video compression
     moving = ~frozen.any(axis=0)
     moved, more = errors.in_plane(fit, omega, exposures, markers.centres, still.thickness, moving)
     wide = max(np.nan_to_num(more), 1.0)
@@ -199,7 +198,7 @@ def shape_result(
         for own, seen in zip(recordings, raw.harmonics, strict=True)
     ]
     alike, apart = _compare_aliases(recordings, raw, begin, end, frequency)
-    if excitation.sound == "none":  # starts that are not known tell nothing
+    if excitation.sound == "none":  # without known starts, lags do not distinguish aliases
         apart = np.full_like(apart, np.nan)
 
     without, differs = errors.without_each(fit, omega, exposures, phase)
@@ -265,10 +264,10 @@ def shape_result(
 def _compare_aliases(
     recordings: Sequence[Recording], fit: Fitted, begin: float, end: float, frequency: float
 ) -> tuple[Array, Array]:
-    """Return alias frequencies in Hz, and the phases in degrees that betray them.
+    """Return alias frequencies in Hz, and the largest phase lag of a camera at each in degrees.
 
-    A camera's frames cannot tell one from the other. But cameras start at different times, so with
-    a wrong frequency they seem to be out of step. The frequency itself comes first.
+    The frames of one camera cannot distinguish aliases. But cameras start at different times, so at
+    a wrong frequency they seem to be out of phase. The frequency itself comes first.
     """
     rates, near = np.array([own.rate for own in recordings]), 1 / (end - begin)
     end = min(end, begin + ALIAS_FRAMES / float(rates.min()))
@@ -286,9 +285,9 @@ def _compare_aliases(
 def list_rivals(
     frequency: float, rates: Array, near: float, lowest: float, highest: float
 ) -> list[float]:
-    """List other frequencies in Hz that frames at some rates show as they show this one.
+    """List the other frequencies in Hz with the same alias as this one at all frame rates.
 
-    Frequencies that are less than `near` apart are the same.
+    Frequencies that are less than `near` apart count as the same.
     """
     shown = fold_frequency(frequency, rates)
     return [
@@ -301,12 +300,12 @@ def list_rivals(
 
 
 def _frame_jitter(own: Recording) -> float:
-    """Return the rms in s by which frames are off an even rate."""
+    """Return the rms deviation in s of the frame times from a constant rate."""
     times = own.times
-    k = np.arange(0, len(times), -(-len(times) // 4096))  # of a long recording some frames tell
+    k = np.arange(0, len(times), -(-len(times) // 4096))  # a subset of the frames suffices
     return float(np.std(times[k] - np.polyval(np.polyfit(k, times[k], 1), k)))
 
 
 def size_off(scale: float) -> float:
-    """Return how far shapes may be off in size if a grid measures `scale`; 0 if it fits."""
+    """Return the relative scale error of shapes for a measured grid scale; 0 if tolerated."""
     return scale - 1 if abs(scale - 1) > MAX_SCALE_ERROR else 0.0

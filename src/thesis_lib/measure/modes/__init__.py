@@ -1,1 +1,1 @@
-"""Several modes at once: frequencies, damping and complex shapes from the tracks of all cameras."""
+"""Modal identification: frequencies, damping and complex shapes from the tracks of all cameras."""

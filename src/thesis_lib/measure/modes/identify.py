@@ -1,4 +1,4 @@
-"""From the tracks of calibrated cameras to modes, as one labelled dataset."""
+"""Identify modes in the tracks of calibrated cameras, as one labelled dataset."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,53 +19,53 @@ from thesis_lib.measure.tracking import tracks
 from thesis_lib.studies.cubes import complex_of
 from thesis_lib.studies.schema import label_values, read_variables, split_complex
 
-MAX_MODES = 8  # modes that are sought if their number is not given
-FURTHER_MODES = 2  # further modes that are tried, to see which hold
-MIN_MARKERS = 3  # markers that tell a shape
-MAX_CHANCE = 0.95  # probability of cameras agreeing better by noise alone, if that were all
-OUTLIER_ROUNDS = 3  # times that outliers, and what is not linear, are taken away
+MAX_MODES = 8  # largest number of modes if none is given
+FURTHER_MODES = 2  # further modes that are fitted, to see how stable the others are
+MIN_MARKERS = 3  # fewest markers of a shape
+MAX_CHANCE = 0.95  # confidence level of the chi-square test for disagreement of the cameras
+OUTLIER_ROUNDS = 3  # rounds in which outliers and non-linear image motion are removed
 VARIABLES = read_variables(__file__, "modes")
 
 
 class ModalError(ValueError):
-    """Tracks that do not tell what was asked; the message is one line that says what would."""
+    """Tracks that do not determine the requested modes; the one-line message names a remedy."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """Which modes are asked for."""
+    """Requested modes."""
 
-    band: tuple[float, float]  #: From which frequency to which, Hz
-    count: int | None = None  #: How many; None: as many as stand out of the noise
-    damped: bool = True  #: Whether they decay freely; else they are steady tones
-    given: tuple[float, ...] = ()  #: Frequencies near which they are sought, Hz
+    band: tuple[float, float]  #: Lowest and highest frequency, Hz
+    count: int | None = None  #: Number of modes; None: all that exceed the noise
+    damped: bool = True  #: Whether they decay freely; else they are steady-state sines
+    given: tuple[float, ...] = ()  #: Frequencies near which modes are searched for, Hz
 
 
 def identify_modes(
     tracks: Sequence[Track], rest: reconstruction.Rest, asked: Asked
 ) -> tuple[xr.Dataset, list[harmonics.Fitted]]:
-    """Identify the modes in the tracks of every camera, in the order of their frequencies.
+    """Identify the modes in the tracks of all cameras, in the order of their frequencies.
 
-    The tracks last from the begin to the end of what is fitted: of steady tones, or of a free
-    decay. A marker moves as Re Σ a e^{λ (t − zero)}, with its complex deflection a in each mode
-    and λ = 2πf (−ζ + j √(1 − ζ²)).
+    The tracks cover the fitted interval only: steady-state sines, or a free decay. A marker moves
+    as Re Σ a e^{λ (t − zero)}, with its complex deflection a in each mode and
+    λ = 2πf (−ζ + j √(1 − ζ²)).
 
     Returns
     -------
     data : xarray.Dataset
-        Those of :data:`VARIABLES` that tracks and rest determine. Standard errors include the
-        disagreement of the cameras. ``error_of_scatter`` is independent from marker to marker, and
-        in either part. ``scale_deviation`` adds to it: the whole shape of a decay may be too large
-        by that share, and turned by as many radians. Of steady tones it is 0; the shape may be
-        turned by π times ``frequency_deviation`` times the duration.
+        The part of :data:`VARIABLES` that tracks and rest determine. Standard errors include the
+        disagreement of the cameras. ``error_of_scatter`` is independent between markers and between
+        real and imaginary part. ``scale_deviation`` is common to a shape of a decay: its relative
+        error of size, and its error of phase in rad. For steady-state sines it is 0; the phase
+        error is then π times ``frequency_deviation`` times the duration.
     fits : list of Fitted
-        The images of each mode, from which its shape was triangulated.
+        Image amplitudes of each mode, from which its shape was triangulated.
 
     Raises
     ------
     ModalError
-        If no mode stands out, or a given one does not, or two that are given are closer than the
-        recording resolves, or it has fewer frames than they need.
+        If no mode, or not each given one, exceeds the noise; if given frequencies are closer than
+        the recording resolves; or if frames or markers are too few.
     """
     most = len(asked.given) or asked.count or MAX_MODES
     seen = np.array([np.count_nonzero(np.isfinite(track.uv)) for track in tracks])
@@ -93,10 +93,10 @@ def identify_modes(
             break
         more, lag_deviation = motions.camera_lags(found, poles)
         span = fits.span_of(blocks)
-        middle = zero + span / 2  # about which clocks are slower
-        if turn:  # the first fit may rest on outliers
+        middle = zero + span / 2  # time about which clock rates are corrected
+        if turn:  # the first fit may contain outliers
             late = late + more
-            if not asked.damped:  # a decay is too short to tell how fast clocks run
+            if not asked.damped:  # a decay is too short to estimate clock rates
                 pace = pace / (1 + motions.clock_rates(poles, span))
         for k, block in enumerate(blocks):
             kept = motions.without_outliers(own[k], block, poles.rates, rest.places)
@@ -105,7 +105,7 @@ def identify_modes(
             own[k] = motions.remove_nonlinearity(moved, found, poles, rest, zero)
     after = fits.residual_spectrum(blocks, poles.rates, asked.band)
     most_left, mean_left = fits.residual_power(after, poles, fits.span_of(blocks))
-    wider = np.sqrt(np.maximum(mean_left, 1))  # by the noise that is near, not anywhere
+    wider = np.sqrt(np.maximum(mean_left, 1))  # noise near each mode over the median noise
     surely = _disagreeing(poles, wider, orders[len(poles.rates) :])
     order = np.argsort(poles.frequency)
     taken = np.array([own[0][0] for own in rivals])
@@ -146,7 +146,7 @@ def identify_modes(
 
 
 def modal_assurance(shapes_: ArrayLike) -> Array:
-    """Return the modal assurance criterion of complex shapes (modes, markers) among each other.
+    """Compute the modal assurance criterion (MAC) between complex shapes (modes, markers).
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def modal_assurance(shapes_: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (modes, modes)
-        |aᴴb|² / (aᴴa bᴴb) over the markers that are known in both.
+        |aᴴb|² / (aᴴa bᴴb) over the markers known in both shapes.
     """
     a = np.asarray(shapes_, complex)
     known = np.isfinite(a)
@@ -169,10 +169,10 @@ def modal_assurance(shapes_: ArrayLike) -> Array:
 
 
 def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
-    """Add to the covariance of the poles what is more than noise.
+    """Increase the covariance of the poles where errors exceed the noise.
 
-    That is Birge's ratio where cameras disagree by more than chance lets them, at least a factor
-    `wider` for each mode, and what each pole is changed by when further modes are fitted.
+    Standard errors grow by Birge's ratio where cameras disagree significantly, at least by `wider`
+    for each mode. The largest change of each pole as further modes are fitted adds in quadrature.
     """
     freedom = max(len(poles.each) - 1, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -190,10 +190,10 @@ def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
 
 
 def _scale(block: TrackBlock, poles: Poles) -> Array:
-    """Estimate the relative error of amplitudes at the begin by that of the decays, (modes,).
+    """Estimate the relative error of initial amplitudes due to that of the decay rates, (modes,).
 
-    An amplitude is measured best at the middle of its energy. That is later where the first and
-    fastest centres are missing, so each frame counts by the share of its centres that are known.
+    An amplitude is measured best at the centroid of its energy in time. That is later where the
+    first and fastest centres are missing, so each frame is weighted by its share of known centres.
     """
     decay = np.exp(-2 * np.clip(poles.rates[:, 0], 0, None) * block.times[:, None])
     weight = decay * block.known.mean(axis=1)[:, None]
@@ -208,10 +208,10 @@ def _nearest_in_step(
     rest: reconstruction.Rest,
     asked: Asked,
 ) -> tuple[Poles, list[list[tuple[float, float]]]]:
-    """Return each mode at that of the frequencies that frames show alike with which cameras agree.
+    """Set each mode to the alias frequency at which the cameras' phases agree best.
 
-    One that is given stays. With it, for each mode: these frequencies in Hz, and the phases in rad
-    by which cameras are out of step then; the one that is taken comes first.
+    Given frequencies are not changed. Also return, for each mode, its aliases in Hz with the
+    largest phase lag of a camera at each in rad; the chosen one comes first.
     """
     rates = poles.rates.copy()
     frames = np.array([(len(b.times) - 1) / np.ptp(b.times) for b in blocks])
@@ -235,7 +235,7 @@ def _nearest_in_step(
 
 
 def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
-    """Refuse what no fit could tell."""
+    """Refuse too few frames or markers, and given frequencies that cannot be resolved."""
     fewest = min(len(track.times) for track in tracks)
     needed = 4 * most + 4
     if fewest < needed:
@@ -261,7 +261,7 @@ def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
 
 
 def _check_found(blocks: Sequence[TrackBlock], orders: Sequence[Poles], asked: Asked) -> None:
-    """Refuse tracks in which no mode, or not one that is given, stands out."""
+    """Refuse tracks in which no mode, or not each given one, exceeds the noise."""
     rates = orders[-1].rates if orders else np.empty((0, 2))
     hertz, seconds = rates[:, 1] / (2 * np.pi), fits.span_of(blocks)
     lost = [
@@ -284,12 +284,12 @@ def modes_result(
     recordings: Sequence[tracks.Recording],
     covariance: Array | None = None,
 ) -> xr.Dataset:
-    """Return the modes in some recordings, along ``mode``, ``marker`` and ``camera``.
+    """Identify the modes in recordings, along ``mode``, ``marker`` and ``camera``.
 
     Parameters and errors are those of :func:`thesis_lib.measure.fitting.result.shape_result`; a
-    ``ModalError`` says that the tracks do not tell what was asked. Of one mode the result has what
-    exports take. With a covariance it has ``SHARED_VARIABLES`` of
-    :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors of shapes hold it.
+    ``ModalError`` means that the tracks do not determine the requested modes. Each mode has the
+    variables that exports need. With a covariance the result also has ``SHARED_VARIABLES`` of
+    :mod:`~thesis_lib.measure.fitting.errors`, and standard errors of shapes include it.
     """
     rest = harmonics.rest_of(manifest, recordings, manifest.excitation.rest_duration_s)
     frame_off = result.size_off(rest.frame.scale)
@@ -329,10 +329,10 @@ def modes_result(
         "candidate": [model.name for model in models],
     }
     data = found.assign(label_values(values, VARIABLES))
-    data = data[[*VARIABLES]]  # in this order in files, too
+    data = data[[*VARIABLES]]  # sets the order in files
     if covariance is None:
         return data
-    still = np.zeros(len(recordings))  # of exposures, which the fits are free of
+    still = np.zeros(len(recordings))  # exposure times: the fits are already corrected for them
     omegas = 2 * np.pi * found["frequency"].values * np.sqrt(1 - found["damping"].values ** 2)
     rows = errors.common_errors(images, markers_of(manifest), omegas.tolist(), still, covariance)
     return errors.with_common_errors(data, rows, turns)
@@ -341,7 +341,7 @@ def modes_result(
 def fit_window(
     manifest: Manifest, sound: xr.Dataset, recordings: Sequence[tracks.Recording]
 ) -> tuple[float, float]:
-    """Return from when to when the modes are fitted: of a decay, from the largest motion on, s."""
+    """Return begin and end of the fitted interval, s; a decay begins at its largest motion."""
     begin, end = (float(value) for value in sound["steady"].values)
     excitation = manifest.excitation
     if not excitation.behaviour.decays or excitation.steady_interval_s is not None:

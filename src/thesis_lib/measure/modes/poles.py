@@ -1,22 +1,22 @@
-"""Poles that all cameras share: damped sinusoids by variable projection.
+"""Fit poles common to all cameras: damped sinusoids by variable projection.
 
-A track is a sum of e^{λt}, λ = −α + jω, at the times of its own camera. The poles are common to all
-tracks of all cameras, while every track has amplitudes of its own. For given poles these follow by
-linear least squares; the residual depends on the poles alone (Golub and Pereyra 1973) and is made
-least by Gauss–Newton steps with Kaufman's derivative (1975), damped as Marquardt does. Frames at
-any times, rates that differ, and frequencies above half of a rate need nothing more. A rolling
-shutter or an exposure changes amplitudes, not poles.
+A track is a sum of e^{λt}, λ = −α + jω, at the times of its camera. The poles are common to all
+tracks of all cameras, while every track has separate amplitudes. For given poles these follow by
+linear least squares; the residual depends on the poles alone (Golub and Pereyra 1973) and is
+minimised by Gauss–Newton steps with Kaufman's derivative (1975) and Marquardt's damping. Frames at
+any times, different rates, and frequencies above half of a rate need no special treatment. A
+rolling shutter or an exposure changes amplitudes, not poles.
 
-The derivative of a column bᵢ by its pole is t times a mix of columns. A step therefore needs of a
-track its residual, and the moments Σ bᵢbⱼ, Σ t bᵢbⱼ, Σ t² bᵢbⱼ over the frames in which its marker
-is seen. Nothing stands in for a centre that is missing.
+The derivative of a column bᵢ by its pole is t times a linear combination of columns. A step
+therefore needs a track's residual and the moments Σ bᵢbⱼ, Σ t bᵢbⱼ, Σ t² bᵢbⱼ over the frames in
+which its marker is seen. Missing centres are not interpolated.
 
-Modes are found one after the other: the strongest line of what is left, until only noise is left.
+Modes are found one after the other, each from the residual's strongest line, down to the noise.
 
-A tone of f shows in a camera's frames at its alias. Taken at the times of the frames, e^{−2πjft}
-finds it there whatever f is; so all cameras, even of unlike rates, have a line at the true
-frequency, and there alone: the geometric mean of their powers over noise tells. Times are put on a
-grid so fine that an ordinary Fourier transform serves.
+A sine of frequency f appears in a camera's frames at its alias. The Fourier sum with e^{−2πjft} at
+the frame times finds it at any f. All cameras, even with different rates, therefore have a line at
+the true frequency, and only there: the geometric mean of their powers over noise has its peak at
+it. Times are rounded to a grid so fine that an FFT can be used.
 """
 
 from collections.abc import Sequence
@@ -28,43 +28,43 @@ import scipy
 
 from thesis_lib.arrays import Array, IntArray, Mask
 
-MAX_CONDITION = 1e12  # of the normal equations over the frames of a marker that are still solved
+MAX_CONDITION = 1e12  # largest accepted condition number of a marker's normal equations
 MAX_STEPS = 100  # of the fit; from a coarse start it needs about ten
-MIN_GAIN = 1e-6  # of a step, over the residuals' mean square: it is 0.001 standard errors long
+MIN_GAIN = 1e-6  # smallest gain of a step over the residual variance: 0.001 standard errors long
 POINTS_PER_FRAME = 8  # grid points between frames; and in a period of the highest frequency
 MIN_POWER = 1e-12
 PRINCIPAL_SERIES = 16  # principal motions of a camera's markers whose powers are summed
-POINTS_PER_LINE = 4  # points of the spectrum in one over the length of the recording
-STANDS_OUT = 4.0  # power of a line over the noise about it, from which on it is a mode
+POINTS_PER_LINE = 4  # points of the spectrum per 1 / length of the recording
+STANDS_OUT = 4.0  # smallest power over noise of a line that is a mode
 TRIAL_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0)  # trial decays over the length of the recording
-MAX_RELATIVE_OFFSET = 0.01  # of a given frequency, within which its line is sought
-MIN_MODE_SPACING = 1.0  # of one over that length, within which two modes are not told apart
+MAX_RELATIVE_OFFSET = 0.01  # relative search range about a given frequency
+MIN_MODE_SPACING = 1.0  # smallest resolved distance of modes, times the length of the recording
 
 
 @dataclass(frozen=True)
 class TrackBlock:
-    """Tracks of one camera over the noise of each, about their means."""
+    """Tracks of one camera minus their means, divided by their noise."""
 
-    times: Array  #: From the begin of the part that is fitted, s, shape (frames,)
+    times: Array  #: From the begin of the fitted interval, s, shape (frames,)
     values: Array  #: Over `scale`, shape (frames, series); 0 where missing
-    known: Mask  #: Where they are not missing, shape (frames, series)
+    known: Mask  #: Whether a value is not missing, shape (frames, series)
     scale: Array  #: Noise of each series, shape (series,)
 
     @cached_property
     def patterns(self) -> tuple[Array, IntArray]:
-        """Unlike columns of `known`, shape (frames, patterns), and that of each series."""
+        """Distinct columns of `known`, shape (frames, patterns), and their index by series."""
         unlike, of = np.unique(self.known, axis=1, return_inverse=True)
         return unlike.astype(float), np.asarray(of.ravel(), int)
 
 
 @dataclass(frozen=True)
 class Poles:
-    """A set of poles, as fitted."""
+    """A set of fitted poles."""
 
     rates: Array  #: Decay α (1/s) and angular frequency ω (rad/s) of each, shape (modes, 2)
     covariance: Array  #: Of all these in this order, shape (2 modes, 2 modes); zero if not fitted
-    each: Array  #: What each camera alone would change of them, (cameras, 2 modes)
-    each_deviation: Array  #: Standard deviations of that, by the noise of the tracks
+    each: Array  #: Changes of the rates if one camera alone were fitted, (cameras, 2 modes)
+    each_deviation: Array  #: Their standard deviations by the noise of the tracks, same shape
 
     @property
     def frequency(self) -> Array:
@@ -108,16 +108,16 @@ def pole_columns(times: Array, rates: Array) -> Array:
 
 @dataclass(frozen=True)
 class AmplitudeFit:
-    """The best amplitudes at some poles for the tracks of one camera."""
+    """Least-squares amplitudes at given poles for the tracks of one camera."""
 
     columns: Array  #: Those of :func:`pole_columns`, shape (frames, n)
-    coefficients: Array  #: 0 where too little is known, shape (n, series)
-    covariance: Array  #: For a noise of one, infinite where too little is known, (series, n, n)
+    coefficients: Array  #: 0 with too few frames, shape (n, series)
+    covariance: Array  #: For a noise of one, infinite with too few frames, (series, n, n)
     residual: Array  #: Of the values; 0 where missing, shape (frames, series)
 
 
 def fit_amplitudes(block: TrackBlock, rates: Array) -> AmplitudeFit:
-    """Fit amplitudes at poles (modes, 2) to each series where it is known."""
+    """Fit amplitudes at poles (modes, 2) to the known values of each series."""
     B, (seen, of) = pole_columns(block.times, rates), block.patterns
     matrix = _moments(B, B, seen)
     enough = (seen.sum(axis=0) >= B.shape[1] + 2) & (np.linalg.cond(matrix) < MAX_CONDITION)
@@ -128,12 +128,12 @@ def fit_amplitudes(block: TrackBlock, rates: Array) -> AmplitudeFit:
 
 
 def _moments(B: Array, C: Array, seen: Array) -> Array:
-    """Sum products of columns (frames, n) over the frames of patterns, (patterns, n, n)."""
+    """Sum products of columns (frames, n) over the frames of each pattern, (patterns, n, n)."""
     return np.asarray(np.einsum("ti,tj,tp->pij", B, C, seen, optimize=True), float)
 
 
 def residual_scatter(block: TrackBlock, fit: AmplitudeFit) -> Array:
-    """Estimate the scatter of each series about a fit, px; NaN if hardly seen."""
+    """Estimate the scatter of each series about a fit, px; NaN with too few frames."""
     freedom = block.known.sum(axis=0) - len(fit.coefficients)
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = np.sqrt(np.sum(fit.residual**2, axis=0) / freedom)
@@ -142,16 +142,16 @@ def residual_scatter(block: TrackBlock, fit: AmplitudeFit) -> Array:
 
 @dataclass(frozen=True)
 class Equations:
-    """Gauss–Newton equations of poles (modes, 2) by the tracks of one camera."""
+    """Gauss–Newton equations for poles (modes, 2) from the tracks of one camera."""
 
     squares: float  #: Sum of the squared residuals
-    right: Array  #: Half its gradient, turned round, shape (2 modes,)
-    matrix: Array  #: Half its second derivative, without small terms, shape (2 modes, 2 modes)
-    noise: tuple[float, int]  #: Of the tracks that determine amplitudes: squares, and freedom
+    right: Array  #: Half its negative gradient, shape (2 modes,)
+    matrix: Array  #: Half its Hessian in the Gauss–Newton approximation, shape (2 modes, 2 modes)
+    noise: tuple[float, int]  #: Squared residuals and freedom of the tracks with enough frames
 
 
 def equations_of(block: TrackBlock, rates: Array) -> Equations:
-    """Set up the equations of one camera at some poles."""
+    """Set up the equations of one camera at given poles."""
     own, (seen, of) = fit_amplitudes(block, rates), block.patterns
     B, fit, inverse = own.columns, own.coefficients, own.covariance
     tB = B * block.times[:, None]
@@ -175,12 +175,12 @@ def equations_of(block: TrackBlock, rates: Array) -> Equations:
 
 
 def fit_poles(blocks: Sequence[TrackBlock], start: Array, damped: bool) -> Poles:
-    """Fit poles from a start (modes, 2); without damping only the frequencies."""
+    """Fit poles from start values (modes, 2); only the frequencies if not `damped`."""
     free = np.flatnonzero(np.tile([damped, True], len(start)))
     every = np.ix_(free, free)
     rates, damping = start, 1e-3
     parts = [equations_of(block, rates) for block in blocks]
-    for _ in range(MAX_STEPS):  # Marquardt's
+    for _ in range(MAX_STEPS):  # Levenberg–Marquardt
         right = np.sum([part.right for part in parts], axis=0)[free]
         matrix = np.sum([part.matrix for part in parts], axis=0)[every]
         step = np.linalg.lstsq(matrix + damping * np.diag(np.diag(matrix)), right)[0]
@@ -209,14 +209,14 @@ def fit_poles(blocks: Sequence[TrackBlock], start: Array, damped: bool) -> Poles
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Power over frequency of what is left."""
+    """Power spectrum of the residual."""
 
     frequency: Array  #: Hz
-    power: Array  #: Over the noise, each camera's median; the geometric mean of all cameras
+    power: Array  #: Over each camera's noise, its median; the geometric mean of all cameras
 
     @property
     def peak(self) -> tuple[float, float]:
-        """Frequency of the strongest line in Hz, the lowest of equals, and its power over noise."""
+        """Frequency in Hz of the strongest line, the lowest of equals, and its power over noise."""
         top = float(self.power.max())
         place = int(np.flatnonzero(self.power >= 0.98 * top)[0])
         while place + 1 < len(self.power) and self.power[place + 1] >= self.power[place]:
@@ -227,7 +227,7 @@ class Spectrum:
 def residual_spectrum(
     blocks: Sequence[TrackBlock], rates: Array, band: tuple[float, float]
 ) -> Spectrum:
-    """Return the spectrum, in a band in Hz, of the tracks' residual after the poles."""
+    """Compute the spectrum, in a band in Hz, of the residual of a fit at given poles."""
     span = span_of(blocks)
     even = np.arange(band[0], band[1], 1 / (POINTS_PER_LINE * span))
     logs = np.zeros_like(even)
@@ -257,9 +257,9 @@ def search_modes(
 ) -> list[Poles]:
     """Return fits with one mode, two modes, … in a band in Hz, each started from the one before.
 
-    Near `given` frequencies in Hz modes are sought first; one that is not there is passed over. If
-    `damped`, modes decay; of some trial decays the one with the least residual is the start. The
-    list is empty if no line stands out of the noise.
+    Modes near `given` frequencies in Hz are searched for first; frequencies without one are
+    skipped. If `damped`, modes decay, and the trial decay with the smallest residual is the start.
+    The list is empty if no line exceeds the noise.
     """
     found: list[Poles] = []
     rates, span = np.empty((0, 2)), span_of(blocks)
@@ -287,9 +287,9 @@ def search_range(frequency: float, seconds: float) -> float:
 def strongest_line(
     blocks: Sequence[TrackBlock], rates: Array, band: tuple[float, float], near: float | None = None
 ) -> float | None:
-    """Return the strongest line beside the poles in Hz, near a frequency if given.
+    """Return the strongest line in Hz besides the poles, near a frequency if given.
 
-    None if none stands out.
+    It is None if no line exceeds the noise.
     """
     seen = residual_spectrum(blocks, rates, band)
     apart = MIN_MODE_SPACING / span_of(blocks)
@@ -303,11 +303,11 @@ def strongest_line(
 
 
 def residual_power(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]:
-    """Return the residual's power over noise within reach of each mode: maximum and mean.
+    """Return the maximum and mean of the residual's power over noise near each mode, (modes,).
 
-    Much of it tells of another mode that the recording is too short to tell apart, or of a tone
-    that is not steady. What is left there disturbs a mode, not the noise at other frequencies.
-    Both have the shape (modes,); of noise alone the mean is about one.
+    High power indicates another mode that the recording is too short to resolve, or an unsteady
+    sine. A mode's error depends on the residual near it, not on the noise at other frequencies. For
+    noise alone the mean is about one.
     """
     near = np.abs(after.frequency[:, None] - poles.frequency) <= 2 * MIN_MODE_SPACING / seconds
     power = after.power[:, None]
@@ -316,5 +316,5 @@ def residual_power(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array
 
 
 def span_of(blocks: Sequence[TrackBlock]) -> float:
-    """Return the length of the part that is fitted, s."""
+    """Return the length of the fitted interval, s."""
     return max(float(np.ptp(block.times)) for block in blocks)

@@ -1,15 +1,15 @@
-"""Complex shapes of modes: image amplitudes of every camera, triangulated at each frequency.
+"""Estimate complex mode shapes: image amplitudes of every camera, triangulated at each frequency.
 
-Centres where a marker was taken for its neighbour weigh more than all the rest in a sum of squares.
-Neighbours tell which they are: what a structure does, modes that are not fitted included,
-neighbouring markers do alike.
+Centres where a marker was mistaken for its neighbour outweigh all others in a sum of squares. They
+are recognised by comparison with neighbours: neighbouring markers move alike, in modes that are not
+fitted, too.
 
-The amplitude of a track at a pole λ tells that of the marker, once it is freed of what the camera
-adds: a row that is exposed later by δ has e^{λδ} more, an exposure of T makes sinh(λT/2) / (λT/2)
-of it. Each mode is then a harmonic motion, and triangulated as one tone is.
+The amplitude of a track at a pole λ contains two factors of the camera: e^{λδ} for a row that is
+exposed later by δ, and sinh(λT/2) / (λT/2) for an exposure of T. Both are divided out. Each mode is
+then a harmonic motion, and is triangulated like a single sine.
 
-A camera that starts later than was thought sees every mode late, by a phase that grows with its
-frequency. Several modes tell how much, beyond the period of any one of them.
+A camera that starts later than assumed records every mode with a phase lag proportional to its
+frequency. Several modes determine the delay beyond the period of any one of them.
 """
 
 import warnings
@@ -28,42 +28,42 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
 
 NEIGHBOUR_COUNT = 8  # neighbours of a marker
-MAX_SPREADS = 8.0  # spreads over the neighbours, and usual distances from them, that one may be off
-MIN_WORST_RATIO = 0.3  # of a marker's largest distance, below which it waits for the next look
+MAX_SPREADS = 8.0  # outlier limit over the neighbours' spread plus the usual distance from them
+MIN_WORST_RATIO = 0.3  # of a marker's largest distance, below which outliers wait for the next pass
 MAX_LOOKS = 6
-# Times the usual error, from which on a camera has no part in a marker's result
+# Error over the median, above which a camera is not used for a marker
 MAX_ERROR_RATIO = 8.0
-ASSUMED_START_STD_S = 0.01  # s by which starts are thought to be off at most, rather
-# Of a phase's square over its error's that counts: one mode alone decides nothing
+ASSUMED_START_STD_S = 0.01  # assumed standard uncertainty of the starts in s
+# Largest squared phase over its variance that counts, so that no single mode decides alone
 MAX_PHASE_CHI2 = 100.0
-PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
+PHASE_FLOOR_RAD = 0.003  # systematic standard uncertainty of phases in rad, in addition to noise
 
 
 @dataclass(frozen=True)
 class Track:
-    """What one camera saw of the markers."""
+    """Tracks of all markers by one camera."""
 
     camera: pinhole.Camera  #: Calibrated
     times: Array  #: Of the frames' middle rows, on the first camera's clock, s, shape (frames,)
     uv: Array  #: Centres without lens distortion, px, NaN where missing, (frames, 2, markers)
     exposure: float  #: Exposure time in s
     readout: float  #: Time from the first row's exposure to the last row's, s
-    rows: Array  #: In which the centres were seen, with distortion, px, shape (frames, markers)
+    rows: Array  #: Image rows of the centres, with distortion, px, shape (frames, markers)
 
     @property
     def row_delays(self) -> Array:
-        """By how much each centre was seen after its frame's time, s, shape (frames, markers)."""
+        """Delay of each centre's exposure after its frame's time, s, shape (frames, markers)."""
         return np.asarray(self.readout * (self.rows / self.camera.size[1] - 0.5), float)
 
     @property
     def usual(self) -> Array:
-        """The mean of :attr:`row_delays` over what is seen, s, shape (markers,)."""
+        """Mean of :attr:`row_delays` over the frames with the marker, s, shape (markers,)."""
         late = np.ma.masked_invalid(self.row_delays)
         return np.asarray(late.mean(axis=0).filled(0.0), float)
 
 
 def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list[Track]:
-    """Return the tracks of all cameras from one time to another on the first camera's clock, s."""
+    """Read the tracks of all cameras from `begin` to `end` on the first camera's clock, s."""
     found = []
     for own in recordings:
         first, last = own.between(begin, end)
@@ -74,14 +74,14 @@ def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list
 
 
 def without_strays(track: Track, places: Array) -> Track:
-    """Return the track without centres that move unlike neighbours at (2, markers)."""
+    """Remove centres that move unlike those of their neighbours; `places` are (2, markers)."""
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         moved = track.uv - np.nanmedian(track.uv, axis=0)
     return replace(track, uv=np.where(find_strays(moved, places)[:, None], np.nan, track.uv))
 
 
 def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places: Array) -> Track:
-    """Return the track without centres whose residuals differ from their neighbours'."""
+    """Remove centres whose residuals differ from those of their neighbours."""
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * scipy.spatial.KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
@@ -90,7 +90,7 @@ def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places:
         left = np.where(block.known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = find_strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
-        with np.errstate(invalid="ignore"):  # nearer to where the next one is than to its own place
+        with np.errstate(invalid="ignore"):  # closer to the next marker than to its own position
             wrong |= (off > halfway) & (off > MIN_WORST_RATIO * np.nanmax(off))
         if not wrong.any():
             break
@@ -101,7 +101,7 @@ def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places:
 
 
 def find_strays(moved: Array, places: Array) -> Mask:
-    """Return which of some motions (frames, 2, markers) are far from those of their neighbours."""
+    """Return a mask of the motions (frames, 2, markers) that are far from their neighbours'."""
     count = min(NEIGHBOUR_COUNT + 1, places.shape[1])
     _, near = scipy.spatial.KDTree(places.T).query(places.T, k=count)
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
@@ -116,7 +116,7 @@ def find_strays(moved: Array, places: Array) -> Mask:
 
 
 def _median(values: Array) -> Array:
-    """Return the nanmedian over a short last axis, ten times as fast as NumPy's."""
+    """Compute the nanmedian over a short last axis, ten times as fast as NumPy's."""
     count = np.isfinite(values).sum(axis=-1, keepdims=True)
     ranked = np.sort(values, axis=-1)  # NaN comes last
     low, high = (
@@ -132,10 +132,10 @@ class Shape:
 
     amplitude: ComplexArray  #: Along the normal, m, time factor e^{λt}, shape (markers,)
     deviation: Array  #: Standard error of each of its two parts, m, shape (markers,)
-    excess: float  #: Motion in the plane over what the scatter explains; `deviation` holds it
+    excess: float  #: In-plane motion over its expected scatter; `deviation` includes it
     turn: Array  #: Phase by which each camera lags behind the first, rad, shape (cameras,)
     turn_deviation: Array  #: Its standard error, rad
-    fit: harmonics.Fitted  #: What it was triangulated from; rows and exposures took no time
+    fit: harmonics.Fitted  #: Its image amplitudes, corrected for rolling shutter and exposure
 
 
 def blur_factor(rate: Array, exposure: float) -> complex:
@@ -147,9 +147,9 @@ def blur_factor(rate: Array, exposure: float) -> complex:
 def mode_images(
     track: Track, block: fits.TrackBlock, poles: fits.Poles
 ) -> tuple[list[harmonics.Harmonics], Array]:
-    """Return each mode in one camera's images, as if rows and exposures took no time.
+    """Estimate each mode's image amplitudes, corrected for rolling shutter and exposure.
 
-    With them, the scatter of the images about the modes, px, shape (2 markers,).
+    Also return the scatter of the tracks about the modes, px, shape (2 markers,).
     """
     markers = track.uv.shape[2]
     fitted = fits.fit_amplitudes(block, poles.rates)
@@ -178,12 +178,12 @@ def estimate_shapes(
     poles: fits.Poles,
     rest: reconstruction.Rest,
 ) -> tuple[list[Shape], list[Array]]:
-    """Estimate the shape of every mode, and the scatter of each camera's tracks, px."""
+    """Estimate the shape of every mode, and the scatter of each camera's tracks in px."""
     cameras = [track.camera for track in tracks]
     pairs = zip(tracks, blocks, strict=True)
     seen, scatter = zip(*(mode_images(*pair, poles) for pair in pairs), strict=True)
     still = np.zeros(len(cameras))
-    # A camera that did not see a marker at rest has it where the others put it.
+    # Markers that a camera did not see at rest are reprojected from the other cameras.
     hidden = pinhole.project(pinhole.projection_matrices(cameras), rest.points)
     images = np.where(np.isfinite(rest.images), rest.images, hidden)
     found = []
@@ -205,11 +205,11 @@ def estimate_shapes(
 def remove_nonlinearity(
     track: Track, found: Sequence[Shape], poles: fits.Poles, rest: reconstruction.Rest, zero: float
 ) -> Track:
-    """Return the track without its non-linear part; `zero` is when e^{λt} is one, s.
+    """Remove non-linear image motion from a track; `zero` is the time at which e^{λt} is 1, s.
 
-    An image is no linear function of a deflection, and a marker that moves across rows of a rolling
-    shutter is seen at times that depend on it. Both add sums and differences of frequencies, which
-    are as large as weak modes. With the modes that are found they are computed, and taken away.
+    Image coordinates are no linear function of a deflection, and a marker that moves across the
+    rows of a rolling shutter is exposed at times that depend on its motion. Both add sum and
+    difference frequencies as large as weak modes. They are computed from the fitted modes.
     """
     P, normal = pinhole.projection_matrices([track.camera]), rest.frame.R[2]
 
@@ -230,7 +230,7 @@ def remove_nonlinearity(
 
 
 def camera_lags(found: Sequence[Shape], poles: fits.Poles) -> tuple[Array, Array]:
-    """Estimate how much later cameras start than was assumed, where certain, and errors, s."""
+    """Estimate how much later than assumed cameras start, 0 if not significant, and errors, s."""
     omega = poles.rates[:, 1]
     turn = np.array([shape.turn for shape in found])
     error = np.hypot([shape.turn_deviation for shape in found], PHASE_FLOOR_RAD)
@@ -254,9 +254,9 @@ def camera_lags(found: Sequence[Shape], poles: fits.Poles) -> tuple[Array, Array
 
 
 def clock_rates(poles: fits.Poles, span: float) -> Array:
-    """Return the clocks' rates relative to the first camera's, where they are certain.
+    """Estimate each clock rate's relative excess over the first camera's, 0 if not significant.
 
-    All modes are higher by the same share to a camera whose clock runs slow.
+    All modes have higher frequencies, by the same share, on a clock that runs slow.
     """
     omega = poles.rates[:, 1]
     change, error = poles.each[:, 1::2] / omega, poles.each_deviation[:, 1::2] / omega

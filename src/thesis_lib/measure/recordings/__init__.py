@@ -1,1 +1,1 @@
-"""What is read: manifest, videos, sound, markers and board."""
+"""Inputs of a measurement: manifest, videos, audio, markers and calibration board."""

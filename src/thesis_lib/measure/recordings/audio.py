@@ -1,8 +1,8 @@
-"""Sound of videos and sound files: its track, its channels, its pace, and its samples.
+"""Audio of videos and sound files: track, channels, clock rate and samples.
 
-A file states a sample rate, and its time stamps state another one where the recorder stamps sound
-by the clock of its images. The time stamps count: a line through them against the samples gives
-the samples per second of the video's clock, and only a jump between them is a gap.
+A file states a sample rate; its time stamps imply another one if the recorder stamps audio by the
+clock of its images. The time stamps are used: a line through them against the samples gives the
+samples per second of the video's clock, and only a jump between them is a gap.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -24,40 +24,40 @@ from thesis_lib.measure.recordings.media_info import (
     start_of_film,
 )
 
-BLOCK_SAMPLES = 1 << 16  # that are read at once
-SAMPLE_FORMAT = "flt"  # of all channels in turn: PyAV cannot read eight planes or more
-MIN_GAP_S = 0.015  # jump of time stamps that is a gap: the shortest packet that is lost has 20 ms
-JUMP_FRAMES = 8  # on either side of a jump whose median counts, so that one late stamp is none
-PRIMING_S = 0.15  # at either end in which a jump is the encoder's: 4 packets of AAC have 85 ms
+BLOCK_SAMPLES = 1 << 16  # samples that are read at once
+SAMPLE_FORMAT = "flt"  # interleaved channels: PyAV cannot read eight planes or more
+MIN_GAP_S = 0.015  # least jump of time stamps that is a gap: the shortest lost packet has 20 ms
+JUMP_FRAMES = 8  # on either side of a jump; comparing medians, a single late stamp is no jump
+PRIMING_S = 0.15  # time at either end in which a jump is encoder priming: 4 AAC packets have 85 ms
 MILLISECOND_S = 1.001e-3  # rounding of time stamps in containers that count in milliseconds
-PACE_PARTS = 16  # of a track whose mean time stamps tell the standard error of its pace
-PACE_SIGMAS = 5.0  # standard errors from which on a pace counts
-MAX_FAINT_RATIO = 0.1  # of the loudest channel's or track's rms, 20 dB below it: holds no sound
+PACE_PARTS = 16  # parts of a track whose mean time stamps give the standard error of the pace
+PACE_SIGMAS = 5.0  # standard errors beyond which a pace differs significantly from 1
+MAX_FAINT_RATIO = 0.1  # rms over the loudest channel's or track's (−20 dB), below which: no signal
 MAX_SILENT_RMS = 1e-4  # rms below which there is no signal: three steps of 16 bits
-FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
-MAX_CANCELLED_RATIO = 0.5  # of the rms that unlike channels have when they are mixed: these cancel
-#: Samples by which MP3 comes late where the file says no delay: the usual 576 of the encoder, and
-#: 529 of the decoder
+FULL_SCALE = 1 - 1e-4  # level from which a sample counts as clipped
+MAX_CANCELLED_RATIO = 0.5  # rms of a mix over that of uncorrelated channels; below, these cancel
+#: Delay of MP3 in samples if the file states none: the usual 576 of the encoder, and 529 of the
+#: decoder
 MP3_DELAY = 1105
 
 
 @dataclass(frozen=True)
 class AudioTrack:
-    """Sound of a video, whose samples are read block by block."""
+    """Audio of a video or sound file, whose samples are read block by block."""
 
     rate: float  #: Samples per second of the video's clock
     start: float  #: Time of the first sample after that of the first frame, s
     blocks: Callable[[], Iterator[Array]]  #: Reads the samples in −1…1, mixed to one channel
     stated_rate: int  #: Samples per second that the file states
     samples: int  #: Number of samples
-    level: float  #: Root mean square of the samples less their mean, of full scale
-    clipped: int  #: Number of samples at full scale, in the channel that has the fewest
-    #: Track, channels and pace, where these are not all of the first track at the stated rate
+    level: float  #: Rms of the samples about their mean, relative to full scale
+    clipped: int  #: Number of samples at full scale, in the channel with the fewest
+    #: Track, channels and rate, unless these are the whole first track at the stated rate
     source: str = ""
 
     @property
     def silence(self) -> str:
-        """Return what to say of a sound without a signal, empty of another."""
+        """Return a message if the audio has no signal, else an empty text."""
         if self.level >= MAX_SILENT_RMS:
             return ""
         rms = f"rms {self.level:.1e} of full scale"
@@ -69,19 +69,19 @@ class _Survey:
     """Time stamps and levels of one audio track, gathered frame by frame."""
 
     channels: int
-    unit: float  #: Of the time stamps, s
-    late: int  #: Samples by which an encoder's delay that the file cannot state makes it late
-    rate: int = 0  #: Of the decoded frames in Hz
+    unit: float  #: Unit of the time stamps, s
+    late: int  #: Encoder delay that the file format cannot state, samples
+    rate: int = 0  #: Sample rate of the decoded frames, Hz
     times: list[float] = field(default_factory=list)  #: Time stamp of each frame, s
     counts: list[int] = field(default_factory=list)  #: Samples of each frame
-    #: Sums over the samples of the channels, and of their products, for their covariance
+    #: Sums of the channels' samples and of their products, for the covariance
     sums: Any = 0.0
     products: Any = 0.0
-    clipped: Any = 0  #: Samples at full scale of each channel
-    damaged: bool = False  #: Whether what follows these frames cannot be decoded
+    clipped: Any = 0  #: Number of samples at full scale in each channel
+    damaged: bool = False  #: Whether the track cannot be decoded beyond these frames
 
     def add(self, frame: av.AudioFrame, block: Array) -> None:
-        """Take one more frame, whose samples are `block`, shape (channels, samples)."""
+        """Add a frame with the samples `block`, shape (channels, samples)."""
         if not np.isfinite(block).all():
             raise ValueError("samples that are no numbers")
         self.rate, self.channels = frame.sample_rate, len(block)
@@ -99,16 +99,16 @@ class _Survey:
 
 
 def probe_audio(path: Path, channel: int | None = None) -> AudioTrack:
-    """Return the sound of a video or a sound file of any length.
+    """Return the audio of a video or a sound file of any length.
 
-    Of several tracks the first that holds sound is used, or the loudest, if that is 20 dB louder;
-    of its channels those that hold sound are mixed, unless they cancel. Or one ``channel`` is used,
-    the first is 1; all tracks' channels are counted through.
+    The first track within 20 dB of the loudest track is used. Its channels within 20 dB of the
+    loudest channel are mixed; if these would cancel, only the loudest is used. Alternatively,
+    ``channel`` selects one channel, numbered from 1 through all tracks.
 
     Raises
     ------
     MediaError
-        If the file has no audio track, or no such channel, or if its sound is damaged or has a gap.
+        If there is no audio track or no such channel, or if the audio is empty, damaged or gapped.
     """
     check_is_file(path)
     now = path.stat()
@@ -148,7 +148,7 @@ def probe_audio(path: Path, channel: int | None = None) -> AudioTrack:
 
 
 def read_audio(path: Path) -> tuple[Array, float, float]:
-    """Read the sound of a video, mixed to one channel.
+    """Read the audio of a video, mixed to one channel.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def _samples_of(frame: av.AudioFrame) -> Array:
 
 
 def _mix_blocks(path: Path, index: int, part: slice, channels: list[int]) -> Iterator[Array]:
-    """Yield samples of a part of a track's frames, mixed of some channels, many frames at once."""
+    """Yield blocks of samples from a range of a track's frames, the mean of some channels."""
     convert = av.AudioResampler(format=SAMPLE_FORMAT)
     blocks, held = [], 0
     with open_media(path) as file:
@@ -190,7 +190,7 @@ def _mix_blocks(path: Path, index: int, part: slice, channels: list[int]) -> Ite
 
 @lru_cache(maxsize=64)
 def _survey(path: Path, _as_it_is: tuple[int, ...]) -> list[_Survey]:
-    """Decode all audio tracks for their time stamps and levels, once unless the file changes."""
+    """Decode all audio tracks for time stamps and levels; cached until the file changes."""
     with open_media(path) as file:
         tracks, found = sound_tracks(file), {}
         for one in tracks:
@@ -199,7 +199,7 @@ def _survey(path: Path, _as_it_is: tuple[int, ...]) -> list[_Survey]:
             found[one.index] = _Survey(one.channels, float(one.time_base or 0), late)
         convert = {track.index: av.AudioResampler(format=SAMPLE_FORMAT) for track in tracks}
         try:
-            for packet in file.demux(*tracks) if tracks else ():  # without any: all that there are
+            for packet in file.demux(*tracks) if tracks else ():  # demux() would read all streams
                 own = found[packet.stream.index]
                 try:
                     for frame in () if own.damaged else packet.decode():
@@ -214,7 +214,7 @@ def _survey(path: Path, _as_it_is: tuple[int, ...]) -> list[_Survey]:
 
 
 def _loud(surveys: Sequence[_Survey]) -> tuple[int, list[int], str]:
-    """Choose the track and its channels that hold sound, and name them where others do not."""
+    """Choose the track and its channels with a signal; describe them if others have none."""
     levels = [
         0.0 if one.damaged else np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0)
         for one in surveys
@@ -234,10 +234,10 @@ def _loud(surveys: Sequence[_Survey]) -> tuple[int, list[int], str]:
 
 
 def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
-    """Fit a line through time stamps against samples.
+    """Fit a line to the time stamps against the samples.
 
-    Return the first frame and the one after the last without a jump, the time of the first sample
-    in s, and the pace, in seconds of the time stamps for one of the samples.
+    Returns the first frame and the one after the last without a jump, the time of the first sample
+    in s, and the pace, in seconds of the time stamps per second of samples.
     """
     times, rate = np.array(own.times), own.rate
     samples = np.concatenate([[0], np.cumsum(own.counts)]) / rate
@@ -265,7 +265,7 @@ def _timing(path: Path, own: _Survey) -> tuple[int, int, float, float]:
 
 
 def _jumps(off: Array) -> list[int]:
-    """Find the frames at which time stamps jump against the samples for good."""
+    """Find the frames at which time stamps jump permanently relative to the samples."""
     if len(off) < 2:
         return []
     step = np.diff(off)
@@ -281,7 +281,7 @@ def _jumps(off: Array) -> list[int]:
 
 
 def _slope(x: Array, y: Array) -> tuple[float, float]:
-    """Fit a slope, and tell its standard error from the means of parts."""
+    """Fit a slope to the means of parts; return it and its standard error."""
     parts = min(PACE_PARTS, len(x))
     if parts < 3:
         return 0.0, np.inf

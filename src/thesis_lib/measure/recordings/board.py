@@ -1,13 +1,13 @@
 """Calibration board and markers (thesis 5.1.1, 5.1.2, Appendix D).
 
 The board is a checkerboard with a white margin. A ChArUco board has an ArUco mark in each light
-tile, by which its corners are told apart. Its frame has the origin at the board's centre, x along
-the columns, y along the rows, and z out of the printed side, in m. Inner corners run fastest along
-x.
+tile, which identifies its corners. The board's frame has the origin at its centre, x along the
+columns, y along the rows, and z out of the printed side, in m. Inner corners are ordered with x
+running fastest.
 
-Markers are counted row by row along x, row after row in y; the hole, which looks like a marker,
-comes last. Positions on the structure are in its own frame (x from the clamp, y across, m); the
-world's origin is the structure's centre.
+Markers are numbered row by row, along x in each row; the hole, which looks like a marker, comes
+last. Positions on the structure are in its own frame (x from the clamp, y across, m); the world's
+origin is the structure's centre.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refus
 from thesis_lib.vibration.structure import Beam
 
 Place = tuple[Real, Real]
-MARK_DICTIONARY = "DICT_5X5_1000"  # OpenCV's name of the marks on boards that are printed here
-MARK_RATIO = 0.7  # side of such a mark over that of its tile
+MARK_DICTIONARY = "DICT_5X5_1000"  # OpenCV's dictionary for boards that this library prints
+MARK_RATIO = 0.7  # side of their marks over that of a tile
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class Board:
     rows: int = 9
     tile: float = 0.045  #: Side of a tile in m
     margin: float = 0.045  #: Width of the white margin around the tiles in m
-    thickness: float = 0.0  #: Distance of the printed sides, of a board that has two, in m
+    thickness: float = 0.0  #: Distance between the printed sides of a two-sided board in m
     mark: float = 0.0  #: Side of the marks in m; 0 if there are none
-    dictionary: str = MARK_DICTIONARY  #: OpenCV's name of the dictionary that marks are of
+    dictionary: str = MARK_DICTIONARY  #: OpenCV's name of the marks' dictionary
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Return the inner corners along x and along y."""
+        """Return the number of inner corners along x and along y."""
         return self.columns - 1, self.rows - 1
 
     @property
@@ -57,10 +57,9 @@ class Board:
         return np.stack([np.tile(x, ny), np.repeat(y, nx), np.zeros(nx * ny)])
 
     def corners_in_images(self, images: Array) -> Array:
-        """Return the corners in the frame of a side, as images show them, in m.
+        """Return the corners of the side that each image shows, in the front side's frame, in m.
 
-        Corners of the other side lie a thickness behind, and run in an image from it the other
-        way round.
+        Corners of the back lie one thickness behind, and their order is reversed in an image.
 
         Parameters
         ----------
@@ -69,7 +68,7 @@ class Board:
 
         Returns
         -------
-        ndarray, shape (3, corners) of a thin board, else (..., 3, corners)
+        ndarray, shape (3, corners) for a thickness of 0, else (..., 3, corners)
         """
         if self.thickness == 0:
             return self.corners
@@ -82,7 +81,7 @@ class Board:
 
     @property
     def dark_tiles(self) -> Array:
-        """Vertices of the dark tiles, shape (tiles, 4, 2), in m; the tile at −x, −y is dark."""
+        """Return the vertices (tiles, 4, 2) of the dark tiles in m; the tile at −x, −y is dark."""
         i, j = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         dark = (i + j) % 2 == 0
         low = np.stack([i[dark] - self.columns / 2, j[dark] - self.rows / 2], axis=-1)
@@ -101,7 +100,7 @@ class BoardSpec(Fields):
     """The calibration board."""
 
     kind: Literal["checkerboard", "charuco"] = "checkerboard"
-    """whether its light tiles are empty, or carry ArUco marks as OpenCV's CharucoBoard has them"""
+    """whether the light tiles are empty, or carry ArUco marks as in OpenCV's CharucoBoard"""
     columns: Whole = Field(9, ge=4, le=100)
     """tiles along x"""
     rows: Whole = Field(9, ge=4, le=100)
@@ -121,11 +120,11 @@ class BoardSpec(Fields):
         pattern=r"^DICT_(4X4|5X5|6X6|7X7)_(50|100|250|1000)$",
         title="null, or DICT_4X4_50 to DICT_7X7_1000",
     )
-    """OpenCV's name of the dictionary that the marks are of"""
+    """OpenCV's name of the marks' dictionary"""
     two_sided: Flag = Field(default_factory=lambda data: not _mark_default(data))
-    """whether it is printed on both sides"""
+    """whether the board is printed on both sides"""
     thickness_mm: Real = Field(0.0, ge=0, le=100)
-    """distance of the two printed sides"""
+    """distance between the two printed sides"""
 
     @model_validator(mode="after")
     def _check(self) -> BoardSpec:
@@ -145,7 +144,7 @@ class BoardSpec(Fields):
 
     @property
     def board(self) -> Board:
-        """The board in SI units."""
+        """Return the board in SI units."""
         lengths_mm = self.tile_mm, self.margin_mm, self.thickness_mm, self.mark_mm or 0
         tile, margin, thickness, mark = (length / 1000 for length in lengths_mm)
         dictionary = self.dictionary or MARK_DICTIONARY
@@ -164,7 +163,7 @@ class Markers:
     centres: Array  #: Centres on the structure in m, from its corner, shape (2, n)
     diameter: float  #: Diameter of markers and hole in m
     hole: tuple[float, float] | None = None  #: Centre of the hole in m
-    bright: bool = False  #: Whether they are brighter than the structure
+    bright: bool = False  #: Whether markers are brighter than the structure
 
     @cached_property
     def positions(self) -> Array:
@@ -173,7 +172,7 @@ class Markers:
 
     @property
     def count(self) -> int:
-        """Return the markers without the hole."""
+        """Return the number of markers without the hole."""
         return self.centres.shape[1]
 
     @cached_property
@@ -184,9 +183,10 @@ class Markers:
 
     @cached_property
     def clear(self) -> Array:
-        """Distance along x to the nearest other centre that lies rather along x, and along y.
+        """Return the distances along x and y to the nearest centre in that direction, in m.
 
-        Shape (2, n) for :attr:`positions`, in m; infinite where there is none.
+        Shape (2, n) for :attr:`positions`; a centre counts in the direction of its larger offset,
+        and infinity stands for none.
         """
         x, y = np.abs(self.positions[:, :, None] - self.positions[:, None])
         np.fill_diagonal(x, np.inf)
@@ -196,23 +196,23 @@ class Markers:
 
     @cached_property
     def rows(self) -> tuple[slice, ...]:
-        """Return the runs of markers at the same y."""
+        """Return the index range of each row of markers, which have the same y."""
         ends = np.flatnonzero(np.abs(np.diff(self.centres[1])) > 1e-9) + 1
         return tuple(slice(int(a), int(b)) for a, b in pairwise([0, *ends, self.count]))
 
     @property
     def middle_row(self) -> slice:
-        """Return the position of the row on the structure's axis among the markers."""
+        """Return the index range of the middle row of markers."""
         return self.rows[len(self.rows) // 2]
 
     @property
     def columns(self) -> int:
-        """Return the markers in the middle row."""
+        """Return the number of markers in the middle row."""
         return self.middle_row.stop - self.middle_row.start
 
     @property
     def row_spacing(self) -> float:
-        """Return the distance between the first two rows in m; NaN if there is one."""
+        """Return the distance between the first two rows in m; NaN for a single row."""
         y = self.centres[1, [row.start for row in self.rows[:2]]]
         return float(np.diff(y)[0]) if len(y) == 2 else np.nan
 
@@ -231,7 +231,7 @@ Count = Annotated[Whole, Field(ge=1, le=200)]
 
 
 def beam_default(name: str, scale: int = 1) -> Any:
-    """Return a property of the thesis's beam (Table 3.1), read where a manifest leaves it out."""
+    """Return a factory of a manifest default: a property of the thesis's beam (Table 3.1)."""
 
     def read() -> Any:
         from thesis_lib.facts import setups
@@ -242,7 +242,7 @@ def beam_default(name: str, scale: int = 1) -> Any:
 
 
 def _default_hole(given: dict[str, Any]) -> Place | None:
-    """Return the hole of the thesis's markers, None of others."""
+    """Return the hole if the markers are those of the thesis, else None."""
     own = all(
         given.get(name) == MarkersSpec.model_fields[name].get_default(call_default_factory=True)
         for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
@@ -251,12 +251,12 @@ def _default_hole(given: dict[str, Any]) -> Place | None:
 
 
 class MarkersSpec(Fields):
-    """Round markers on the structure: rows along it, or any given places."""
+    """Round markers on the structure: rows along it, or any given positions."""
 
     rows: Count = 3
-    """rows of markers, side by side"""
+    """number of rows of markers"""
     columns: Count = Field(default_factory=beam_default("n_markers"))
-    """markers in each row"""
+    """number of markers in each row"""
     spacing_mm: Positive = Field(default_factory=beam_default("marker_spacing", 1000))
     """distance between centres along a row"""
     row_spacing_mm: Positive = 10.0
@@ -264,13 +264,13 @@ class MarkersSpec(Fields):
     diameter_mm: Positive = 5.0
     """diameter of the markers"""
     points_mm: tuple[Place, ...] | None = Field(None, min_length=4, max_length=2000)
-    """places of markers in no rows, from the clamped corner; replaces rows and columns"""
+    """positions of markers that form no rows, from the clamped corner; replaces rows and columns"""
     tone: Literal["dark", "bright"] = "dark"
-    """whether they are darker or brighter than the structure"""
+    """whether the markers are darker or brighter than the structure"""
     detector: Literal["disc"] = "disc"
-    """what finds them in a frame"""
+    """method that detects the markers in a frame"""
     hole_mm: Place | None = Field(default_factory=_default_hole)
-    """a hole that looks like a marker, from the clamped corner"""
+    """centre of a hole that looks like a marker, from the clamped corner"""
 
 
 def rows_on(
@@ -282,8 +282,8 @@ def rows_on(
 ) -> Markers:
     """Return the markers of the thesis's beam: rows along it, centred across it.
 
-    Their number in a row and their spacing are the beam's; the thesis states neither the rows'
-    distance nor where the hole is.
+    Their number in a row and their spacing are properties of the beam; the thesis states neither
+    the distance between rows nor the position of the hole.
     """
     along, _ = beam.markers
     y = beam.width / 2 + (np.arange(rows) - (rows - 1) / 2) * row_spacing

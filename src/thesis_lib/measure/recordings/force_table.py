@@ -1,8 +1,8 @@
-"""A force's table as programs and people write it: which columns are time and force, and units.
+"""Reader of force tables from any program: detects the columns of time and force, and their units.
 
-Decimal points and commas, tabs, semicolons, commas, spaces and quotes, UTF-8, UTF-16 and Latin-1,
-comments, headers of any number of lines and a line of units are read. Columns are told by their
-names and units, else by what they hold. What can be read in two ways is refused.
+It accepts decimal points and commas; tabs, semicolons, commas, bars, spaces and quotes; UTF-8,
+UTF-16 and Latin-1; comments, headers of any number of lines and a line of units. Columns are
+identified by their names and units, else by their values. Ambiguous tables are refused.
 """
 
 import codecs
@@ -21,15 +21,15 @@ from thesis_lib.arrays import Array
 from thesis_lib.templates import join_words
 
 MIN_SAMPLES = 100
-MAX_BYTES = 1 << 30  # of a table that is read at all
-LOOKED_AT = 400  # lines from which separator, decimal mark and header are told
-MAX_UNSTATED_STEP_S = 0.03  # between samples, from which on times may be ms or numbers of samples
+MAX_BYTES = 1 << 30  # of a table
+LOOKED_AT = 400  # lines from which separator, decimal mark and number of columns are determined
+MAX_UNSTATED_STEP_S = 0.03  # above this step, times without a unit may be ms or sample numbers
 EXAMPLE_TEXT = 'allowed: a time and a force in each line, as "time_s,force_N", "0.001,12.5"'
 
 UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
               r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
 _WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-#: Factors to s and N of units in lower case, but for MN, since "mn" are millinewtons
+#: Factors to s and N by unit in lower case, except MN, since "mn" are millinewtons
 SI_UNITS: dict[str, dict[str, float]] = {
     kind: {unit.lower(): factor for alike, factor in table.items() for unit in alike.split()}
     for kind, table in _WORDS["units"].items()
@@ -43,26 +43,26 @@ class ForceError(ValueError):
 
 
 def _doubt(path: Path, problem: str) -> ForceError:
-    """Return the error of a table that cannot be read beyond doubt."""
+    """Return the error for a table that is unreadable or ambiguous."""
     return ForceError(f"{path}: {problem}, {EXAMPLE_TEXT}")
 
 
 @dataclass(frozen=True)
 class _Form:
-    """How numbers stand in lines."""
+    """Format of numbers in lines."""
 
     separator: str  #: A character, or a space for any number of spaces and tabs
     decimal: str
-    day: int = 0  #: Ordinal of the day from which dates count
+    day: int = 0  #: Ordinal of the day from which dates are counted
 
     def cells(self, line: str) -> list[str]:
-        """Split a line."""
+        """Split a line into cells."""
         if self.separator == " ":
             return line.split()
         return [cell.strip() for cell in next(csv.reader([line], delimiter=self.separator), [])]
 
     def number(self, cell: str) -> float | None:
-        """Return the number that a cell holds, or the seconds of its time of day; else None."""
+        """Return the number in a cell, or its date and time of day in seconds; else None."""
         thousands, grouped, plain = NUMBER_PATTERNS[self.decimal]
         if grouped.fullmatch(cell):
             cell = cell.replace(thousands, "")
@@ -77,10 +77,10 @@ class _Form:
         return whole + float(seconds.replace(",", "."))
 
     def parse(self, line: str) -> tuple[list[float | None], bool]:
-        """Return the numbers of a line, None where a cell holds none, and whether it is data.
+        """Return the numbers of a line, None for cells without one, and whether it is data.
 
-        It is if two cells or more are numbers, and so is the first filled. Empty ends do not
-        count.
+        A line is data if two or more cells and the first non-empty one are numbers. Empty cells at
+        the end are ignored.
         """
         cells = self.cells(line.rstrip(f" {self.separator}"))
         row = [self.number(cell) for cell in cells]
@@ -91,7 +91,7 @@ class _Form:
 CLOCK_PATTERN = re.compile(
     r"(?:(\d{4})-(\d\d)-(\d\d)[T ]\s*)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:\d\d)?"
 )
-#: By decimal mark: the one that may part thousands, numbers in which it does, and others
+#: By decimal mark: the thousands separator, numbers with it, and numbers without it
 NUMBER_PATTERNS = {
     mark: (
         thousands,
@@ -101,16 +101,16 @@ NUMBER_PATTERNS = {
     for mark, thousands in ((".", ","), (",", "."))
 }
 TABLE_FORMS = [_Form(s, d) for s in ("\t", ";", ",", "|", " ") for d in (".", ",") if s != d]
-QUOTED_FORM = _Form(",", ",")  # whose cells are in quotes
+QUOTED_FORM = _Form(",", ",")  # decimal commas in quoted cells
 
 
 def read_force_table(path: Path) -> tuple[Array, Array, str]:
-    """Read times in s, forces in N, and which columns in which units they are.
+    """Read times in s and forces in N; also return a text on their columns and units.
 
     Raises
     ------
     ForceError
-        If the table cannot be read, or can be read in two ways.
+        If the table is unreadable or ambiguous.
     """
     if path.stat().st_size > MAX_BYTES:
         raise ForceError(f"{path}: {path.stat().st_size} bytes, allowed: {MAX_BYTES} for a table")
@@ -119,7 +119,7 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
         for number, line in enumerate(_text_of(path).splitlines(), 1)
         if line.strip() and not line.lstrip().startswith(("#", "%", "//", "!"))
     ]
-    # Excel's line of the separator heads no column.
+    # Excel's line that states the separator is no header.
     if numbered and re.fullmatch(r"\"?sep=.?\"?", numbered[0][1].strip(), re.IGNORECASE):
         numbered = numbered[1:]
     if not numbered:
@@ -132,13 +132,13 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
     # Seconds since the year 1 would be rounded to 8 µs.
     days = [int((form.number(first[k]) or 0) // 86400) for k in clocks]
     form = replace(form, day=max(days, default=0))
-    values = np.full((len(body), width), np.nan)  # where a cell is empty or a word
+    values = np.full((len(body), width), np.nan)  # NaN stays where a cell is empty or text
     for own, (number, line) in zip(values, body, strict=True):
         row, good = form.parse(line)
         if not good:
             raise _doubt(path, f"line {number}: {line.strip()[:40]!r} is not a time and a force")
         own[: len(row)] = row[:width]
-    values[:, clocks] -= values[0, clocks]  # times of day count from the first
+    values[:, clocks] -= values[0, clocks]  # times of day are relative to the first
     header = [form.cells(line) for _, line in numbered[:begin]]
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
         raise _doubt(path, "its commas part columns and mark decimals")
@@ -156,7 +156,7 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
         for bad in np.flatnonzero(~np.isfinite(values[:, k])):
             where = f"line {body[bad][0]} has no number in column {labels[k]}"
             raise _doubt(path, f"{where}, the {kind}")
-        if k in clocks:  # whatever it is called, as "Time (UTC)" or "Time (h:m:s)"
+        if k in clocks:  # regardless of its name, such as "Time (UTC)" or "Time (h:m:s)"
             units[k] = "s"
         unit = units[k] or _unknown_unit(names[k])
         factor = 1e6 if unit == "MN" else SI_UNITS[kind].get((unit or SI_NAMES[kind]).lower())
@@ -179,20 +179,20 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
 
 
 def _text_of(path: Path) -> str:
-    """Decode a file by its mark, or as UTF-8, else as Latin-1 of Windows."""
+    """Decode a file by its byte order mark, else as UTF-8, else as Windows-1252."""
     data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
     try:
-        return data.decode("utf-8-sig")  # which reads UTF-8 without a mark, too
+        return data.decode("utf-8-sig")  # also reads UTF-8 without a mark
     except UnicodeDecodeError:
         return data.decode("cp1252", errors="replace")
 
 
 def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
-    """Find separator and decimal mark, and at which line the numbers begin.
+    """Find the separator, the decimal mark and the first line of numbers.
 
-    It is refused that no form fits, or two that mean other numbers.
+    A :class:`ForceError` is raised if no form fits, or if two forms give different numbers.
     """
     end = lines[-LOOKED_AT:]
     quoted = [QUOTED_FORM] if any('"' in line for line in end) else []
@@ -216,7 +216,7 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
         for k, line in enumerate(lines)
         if form.parse(line)[1]
         and (
-            len(form.cells(line)) == usual  # a bad line after it is one of the table's
+            len(form.cells(line)) == usual  # a bad line after it belongs to the table
             or all(form.parse(after)[1] for after in lines[k : k + 5])
         )
     )
@@ -224,7 +224,7 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
 
 
 def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[str]]:
-    """Return name and unit of each column, empty where none is told."""
+    """Return the name and unit of each column, empty where not given."""
     names, units = [""] * width, [""] * width
     for row in [row for row in rows if 1 < len(row) <= width + 1][-4:]:
         cells = [*row[:width], *[""] * (width - len(row))]
@@ -250,19 +250,19 @@ def _is_unit(text: str) -> bool:
 
 
 def _split(cell: str) -> tuple[str, str]:
-    """Return part a header's cell into name and unit: `Kraft [N]`, `time_ms`, `F in kN`, `t/s`."""
+    """Split a header's cell into name and unit: `Kraft [N]`, `time_ms`, `F in kN`, `t/s`."""
     cell = cell.strip().strip("\"'")
     for form in UNIT_FORMS:
         match = re.fullmatch(form, cell)
         name, unit = (part.strip() for part in match.groups()) if match else ("", "")
-        direction = unit.lower() in ("h", "d") and "force" in _kinds(name)  # as F_h
+        direction = unit.lower() in ("h", "d") and "force" in _kinds(name)  # such as F_h
         if name and _is_unit(unit) and not direction:
             return name, unit
     return cell, ""
 
 
 def _kinds(name: str) -> set[str]:
-    """Return what a column of a name may be: time, force, index."""
+    """Return the possible kinds of a column by its name: time, force, index."""
     low = re.sub(r"[\s_]+", " ", name.lower()).strip()
     words = {low, *re.split(r"[ .:;/\\-]", low)}
     fits = {
@@ -274,14 +274,14 @@ def _kinds(name: str) -> set[str]:
 
 
 def _choose_columns(names: list[str], units: list[str], values: Array) -> dict[str, list[int]]:
-    """Return the columns that may be time and force: by name or unit, else one of two columns."""
+    """Return the columns that may be time and force, by name or unit, else from two by values."""
     every = range(values.shape[1])
     kinds = [_kinds(name) for name in names]
     in_s, in_n = ([k for k in every if units[k].lower() in table] for table in SI_UNITS.values())
     times = [k for k in every if "time" in kinds[k] and k not in in_n] or in_s
     forces = [k for k in every if "force" in kinds[k] and k not in times]
     forces = [k for k in forces if k in in_n] or forces or in_n
-    if len(times) > 1:  # as a date, and a time since the start
+    if len(times) > 1:  # such as a date, and a time since the start
         times = [k for k in times if (np.diff(values[:, k]) > 0).all()]
         times = [k for k in times if k in in_s] or times
     free = [k for k in every if np.isfinite(values[:, k]).all()]
@@ -295,12 +295,12 @@ def _choose_columns(names: list[str], units: list[str], values: Array) -> dict[s
 
 
 def _unknown_unit(name: str) -> str:
-    """Return what stands in brackets at a name's end, where it may be a unit."""
+    """Return the text in brackets at a name's end if it may be a unit, else an empty text."""
     end = re.fullmatch(r".*[\[(]([^\])]*)[\])]", name)
     return end[1].strip() if end and _is_word(end[1]) else ""
 
 
 def _is_word(text: str) -> bool:
-    """Return whether a text may be a unit that is not known: no number, channel or name."""
+    """Return whether a text may be an unknown unit: not a number, channel or column name."""
     channel = re.match(r"ch(annel)?([\W\d_]|$)", text.lower())
     return bool(re.search(r"[^\W\d_]", text)) and not channel and not _kinds(text)

@@ -1,7 +1,6 @@
-"""Manifests, which name the recordings, the rig and the structure; read, written, and their files.
+"""Manifests, which describe the recordings, the rig and the structure: model, YAML, file checks.
 
-Lengths are in the units of their suffix here and nowhere else: properties without a suffix are in
-SI units.
+Lengths are in the unit of a field's suffix; properties without a suffix are in SI units.
 """
 
 import os
@@ -21,9 +20,9 @@ from thesis_lib.studies import fields
 from thesis_lib.studies.fields import Fields, Positive, Real, format_given, refuse_value
 from thesis_lib.text import RefusedError, aside
 
-#: Endings of images that are sought in folders
+#: Suffixes of image files that are read from folders
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}
-#: Old to new names of fields, and of kinds of excitation; read until version 2.
+#: Old to new names of fields, and of kinds of excitation; the old ones are read until version 2.
 RENAMED_FIELDS = {"shots": "board_images", "rest_s": "rest_duration_s",
                   "steady_s": "steady_interval_s"}  # fmt: skip
 RENAMED_KINDS = {"tone": "sine", "tones": "multisine", "decay": "free_decay"}
@@ -33,9 +32,9 @@ class CameraFiles(Fields):
     """One camera and its files."""
 
     name: fields.Name
-    """its name"""
+    """name of the camera"""
     video: FileName
-    """video with the structure's vibration and its sound"""
+    """video of the structure's vibration, with audio"""
     width_px: fields.Width = 1920
     """width of the images"""
     height_px: fields.Width = 1080
@@ -43,8 +42,7 @@ class CameraFiles(Fields):
     frame_rate_hz: Real = Field(60.0, ge=1, le=1e5)
     """frames per second of the video"""
     captured_hz: Real | None = Field(None, ge=1, le=1e5)
-    """frames per second that the camera took, of slow motion that plays slowly; null is
-    frame_rate_hz"""
+    """frames per second at which slow motion was recorded; null is frame_rate_hz"""
     exposure_s: Real = Field(..., gt=0, le=1)
     """exposure time of a frame"""
     readout_s: Real = Field(0.0, ge=-1, le=1)
@@ -55,10 +53,9 @@ class CameraFiles(Fields):
         "files with null where there is none, each inside the manifest's folder",
     )
     """images of the calibration board; the k-th of every camera shows the same pose; null if
-    calibration has the cameras' places"""
+    calibration has the cameras' poses"""
     corners_px: tuple[Place, Place, Place, Place] | None = None
-    """where the structure's corners lie in the images: at (0, 0), (length, 0), (length, width), (0,
-    width)"""
+    """the structure's corners (0, 0), (length, 0), (length, width), (0, width) in the images"""
     focal_length_mm: Positive | None = None
     """focal length of the lens"""
     sensor_width_mm: Positive | None = None
@@ -113,11 +110,11 @@ class Manifest(Fields):
     calibration: parts.Reuse | None = Field(None, title="null, a path, or an object")
     """a calibration that is reused; null calibrates from the board images"""
     force: parts.Force | None = None
-    """the force that was recorded beside the cameras, for motion over force"""
+    """a force that was recorded with the videos, for motion over force"""
     radiation: parts.Radiation | None = None
-    """the sound that is wanted of it"""
+    """the sound radiation to compute"""
     truth: FileName | None = None
-    """truth of a rendered recording"""
+    """true values of a rendered recording"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -156,26 +153,26 @@ class ManifestError(RefusedError):
 
 
 class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
-    """Write so that :func:`~.text_files.parse_yaml` reads the same."""
+    """YAML dumper whose output :func:`~.text_files.parse_yaml` reads back unchanged."""
 
 
 _Dumper.add_implicit_resolver(*text_files.POWER_RESOLVER)
 
 
 def read_manifest(path: Path, check_files: bool = True) -> Manifest:
-    """Return the manifest in a YAML file.
+    """Read a manifest from a YAML file.
 
     Parameters
     ----------
     path : Path
-        The file; what it names is sought from its folder.
+        The file; paths in it are relative to its folder.
     check_files : bool
-        Whether the files it names must exist.
+        Whether the files that it names must exist.
 
     Raises
     ------
     ManifestError
-        In one line: the file, the line or field, what was given and what is allowed.
+        With the file, the line or field, the given and the allowed value in one line.
     """
     if not path.is_file():
         why = "a folder, give the YAML file in it" if path.is_dir() else "no such file"
@@ -196,7 +193,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
 
 
 def validate_manifest(values: dict[str, Any], where: str = "-p") -> Manifest:
-    """Return the manifest with some values; a :class:`ManifestError` refuses others."""
+    """Return the manifest with `values`; a :class:`ManifestError` is raised if they are invalid."""
     try:
         return Manifest.model_validate(values)
     except ValidationError as error:
@@ -204,7 +201,7 @@ def validate_manifest(values: dict[str, Any], where: str = "-p") -> Manifest:
 
 
 def rename_options(given: dict[str, Any]) -> dict[str, Any]:
-    """Return fields by path, as of ``-p excitation.rest_s=2``, under today's names."""
+    """Return fields by path, as from ``-p excitation.rest_s=2``, with current names."""
     places = [place.rpartition(".") for place in given]
     named = [{name: value} for (*_, name), value in zip(places, given.values(), strict=True)]
     _rename_fields(named, "-p")
@@ -213,7 +210,7 @@ def rename_options(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rename_fields(several: Iterable[Any], where: str) -> None:
-    """Rename the fields of parts of a manifest as they are named today; report which were old."""
+    """Replace old names in parts of a manifest by the current ones; report the replacements."""
     found: dict[str, str] = {}
     for part in (one for one in several if isinstance(one, dict)):
         for old, new in RENAMED_FIELDS.items():
@@ -238,7 +235,7 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
 def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     """List a camera's board images in the order of poses, None where there is none.
 
-    Those of a folder or pattern are in the order of their names, numbers by value.
+    Files of a folder or a pattern are ordered by name, with numbers by value.
     """
     if camera.board_images is None:
         return []
@@ -249,30 +246,30 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
         if place.is_dir():
             return [*find_images(place.iterdir())]
         files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
-    except (ValueError, NotImplementedError, OSError):  # no pattern that pathlib knows
+    except (ValueError, NotImplementedError, OSError):  # not a pattern for pathlib
         return []
     return [*sorted(files, key=lambda file: by_number(file.name))]
 
 
 def is_hidden(path: Path) -> bool:
-    """Return whether a file is hidden, such as macOS puts next to those that it copies."""
+    """Return whether a file is hidden, such as those that macOS puts next to copied files."""
     return path.name.startswith(".")
 
 
 def find_images(files: Iterable[Path]) -> list[Path]:
-    """Return the images among files in the order of their names, numbers by value."""
+    """Return the images among files, ordered by name with numbers by value."""
     found = [one for one in files if one.suffix.lower() in IMAGE_SUFFIXES and not is_hidden(one)]
     return sorted(found, key=lambda file: by_number(file.name))
 
 
 def by_number(name: str) -> list[tuple[int, str]]:
-    """Return a key that puts 2.png before 10.png."""
+    """Return a sort key that puts 2.png before 10.png."""
     groups = "".join(c if c.isdigit() and c.isascii() else f" {c} " for c in name).split()
     return [(int(group), "") if group.isdecimal() else (-1, group) for group in groups]
 
 
 def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[str]:
-    """Yield what is wrong with the paths of a manifest, one line each."""
+    """Yield the problems of the paths in a manifest, one line each."""
     root = folder.resolve()
 
     def outside(text: str) -> bool:
@@ -301,7 +298,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             given = tuple(str(shot.relative_to(folder)) for shot in files)
         named |= {f"{where}[{k}]": text for k, text in enumerate(given)}  # which may be links
     if manifest.force is not None:
-        named["force.file"] = manifest.force.file  # or a video named
+        named["force.file"] = manifest.force.file  # last, since it may be one of the videos
     videos: dict[Path, str] = {}
     for where, text in named.items():
         if text is None:

@@ -1,7 +1,6 @@
-"""Parts of a manifest: the structure, how it is driven, a recorded force, its sound.
+"""Parts of a manifest: structure, excitation, recorded force and sound radiation.
 
-Lengths are in the units of their suffix here and nowhere else: properties without a suffix are in
-SI units.
+Lengths are in the unit of a field's suffix; properties without a suffix are in SI units.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class StructureSpec(Fields):
     """The structure that is filmed."""
 
     kind: Literal["beam", "plate", "flat"] = "beam"
-    """what it is, which gives the model that shapes are compared with"""
+    """kind of structure, which determines the model for comparison with measured shapes"""
     length_mm: Positive = Field(default_factory=beam_default("length", 1000))
     """length along x"""
     width_mm: Positive = Field(default_factory=beam_default("width", 1000))
@@ -41,7 +40,7 @@ class StructureSpec(Fields):
     youngs_modulus_pa: Real = Field(default_factory=beam_default("youngs_modulus"), gt=0, le=1e13)
     """Young's modulus"""
     poissons_ratio: Real = Field(0.3, ge=0, le=0.5)
-    """Poisson's ratio, which a plate's model needs"""
+    """Poisson's ratio, for the model of a plate"""
     damping: Real = Field(default_factory=beam_default("damping"), gt=0, lt=0.7)
     """modal damping ratio"""
     force_position_mm: Positive = Field(default_factory=beam_default("force_position", 1000))
@@ -82,7 +81,7 @@ class StructureSpec(Fields):
 
     @property
     def marker_points(self) -> Array:
-        """Centres of the markers, shape (2, markers), in m, from the clamped corner; row by row."""
+        """Return the markers' centres (2, markers) in m, from the clamped corner, row by row."""
         m = self.markers
         if m.points_mm is not None:
             return np.array(m.points_mm).T / 1000
@@ -92,13 +91,13 @@ class StructureSpec(Fields):
 
     @property
     def force_place(self) -> Array:
-        """Return the force's point, shape (2,), in m, from the clamped corner."""
+        """Return the force's point of action, shape (2,), in m, from the clamped corner."""
         across = self.force_across_mm or self.width_mm / 2
         return np.array([self.force_position_mm, across]) / 1000
 
 
 class Sought(Fields):
-    """Which modes or tones are looked for, where there are several."""
+    """Search options where there are several modes or sines."""
 
     from_hz: Positive = 2.0
     """lowest frequency"""
@@ -106,9 +105,9 @@ class Sought(Fields):
     """highest frequency; null is half of the lowest frame rate, above which cameras must differ in
     rate or start"""
     count: Whole | None = Field(None, ge=1, le=20)
-    """how many; null takes all that stand out of the noise"""
+    """number of modes or sines; null takes all that stand out of the noise"""
     near_hz: tuple[Positive, ...] | None = Field(None, min_length=1, max_length=20)
-    """frequencies near which they are; replaces count"""
+    """approximate frequencies of the modes or sines; replaces count"""
 
     @model_validator(mode="after")
     def _check(self) -> Sought:
@@ -125,17 +124,17 @@ Kind = Literal["sine", "multisine", "free_decay", "sweep", "random"]
 
 @dataclass(frozen=True)
 class Behaviour:
-    """What follows from a kind of excitation: what may be given, and how it is measured."""
+    """Properties of a kind of excitation: permitted inputs, and method of measurement."""
 
-    #: First result: one deflection shape, several modes or tones, or motion over a recorded force
+    #: First result: one deflection shape, several modes or sines, or motion over a recorded force
     result: Literal["shape", "modes", "response"]
-    title: str  #: What is measured, as reports name it
+    title: str  #: Name of the measured quantity in reports
     force: Literal["none", "optional", "required"] = "none"  #: Whether a force is recorded
     has_one_frequency: bool = False  #: Sound and phase follow from one steady sine
-    decays: bool = False  #: The modes lose their energy, fitted from the largest motion on
-    sweeps: bool = False  #: The force goes from one frequency to another
-    is_noise: bool = False  #: Segments are averaged, for the force neither begins nor ends at rest
-    assumption: str = ""  #: What the fit assumes and cannot prove
+    decays: bool = False  #: The modes decay freely, fitted from the largest motion on
+    sweeps: bool = False  #: The force sweeps from one frequency to another
+    is_noise: bool = False  #: Segments are averaged: the force neither begins nor ends at rest
+    assumption: str = ""  #: Assumption of the fit that the data cannot verify
 
 
 EXCITATION_KINDS: dict[Kind, Behaviour] = {
@@ -154,16 +153,16 @@ EXCITATION_KINDS: dict[Kind, Behaviour] = {
     "sweep": Behaviour("response", "Receptance", force="required", sweeps=True),
     "random": Behaviour("response", "Receptance", force="required", is_noise=True),
 }
-"""Every kind of excitation; nothing else depends on its name."""
+"""Behaviour by kind of excitation; no other code depends on the names of kinds."""
 
 
 def list_kinds(wanted: Callable[[Behaviour], bool]) -> str:
-    """Return the kinds that behave so, as a refusal lists them."""
+    """Return the kinds with the wanted behaviour, as text for an error message."""
     return join_words([f'"{name}"' for name, one in EXCITATION_KINDS.items() if wanted(one)], "or")
 
 
 TABLE_SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".tab", ".dat", ".asc", ".lvm"])
-"""Endings of files that are read as a table of a force."""
+"""Suffixes of files that are read as a force table."""
 
 INSIDE_TEXT = "a path inside the manifest's folder"
 FileName = Annotated[str, Field(min_length=1, max_length=500, title=INSIDE_TEXT)]
@@ -171,14 +170,14 @@ Channel = Annotated[Whole, Field(ge=1, le=64)]
 
 
 class Sweep(Fields):
-    """A force whose frequency goes from one to another."""
+    """A force that sweeps from one frequency to another."""
 
     from_hz: Positive | None = None
-    """frequency at its begin; null looks in the force"""
+    """frequency at the start; null estimates it from the force"""
     to_hz: Positive | None = None
-    """frequency at its end; null looks in the force"""
+    """frequency at the end; null estimates it from the force"""
     duration_s: Positive | None = None
-    """how long it takes; null looks in the force"""
+    """duration of the sweep; null estimates it from the force"""
 
     @model_validator(mode="after")
     def _check(self) -> Sweep:
@@ -188,30 +187,30 @@ class Sweep(Fields):
 
 
 class Force(Fields):
-    """A force, and where it acts."""
+    """A recorded force and its point of action."""
 
     file: FileName
-    """its recording: a sound file, a video whose sound track carries it, or a table (.csv, .txt,
-    .tsv, .dat, .lvm) of time and force"""
+    """recording of the force: a sound file, a video with the force as audio, or a table (.csv,
+    .txt, .tsv, .dat, .lvm) of time and force"""
     full_scale_n: Positive | None = None
     """force in N at full scale of a sound file"""
     channel: Channel = 1
-    """which channel of a sound file carries it"""
+    """channel of a sound file with the force"""
     sound_channel: Channel | None = None
-    """which channel has a sound that the first camera recorded, too, by which the clocks are
-    compared; null takes that of the force"""
+    """channel with a sound that the first camera also recorded, to compare the clocks; null takes
+    the channel of the force"""
     offset_s: Annotated[Real, Field(ge=-1e5, le=1e5)] | None = None
-    """when the file begins on the first camera's clock; null finds it by sound"""
+    """start of the file on the first camera's clock; null estimates it from the sound"""
     at_mm: Place | None = None
-    """where it acts, from the clamped corner; null is the structure's force_position_mm and
+    """point of action, from the clamped corner; null is the structure's force_position_mm and
     force_across_mm"""
     segment_s: Positive | Literal["whole"] | None = None
-    """length of the parts that are averaged; whole is for what begins and ends at rest; null takes
-    whole for a decay or a sweep, and an eighth of the recording for random"""
+    """length of the averaged segments; whole is for motion that begins and ends at rest; null takes
+    whole for a free decay or a sweep, and an eighth of the recording for random"""
 
     @property
     def is_table(self) -> bool:
-        """Return whether the force is given in N already."""
+        """Return whether the file is a table, with the force in N."""
         return PurePath(self.file).suffix.lower() in TABLE_SUFFIXES
 
     def place(self, usual: Array) -> Array:
@@ -230,13 +229,13 @@ class Force(Fields):
 
 
 class Excitation(Fields):
-    """How the structure is driven, and what the sound tracks carry."""
+    """Excitation of the structure, and content of the audio tracks."""
 
     kind: Kind = "sine"
-    """what is filmed after rest_duration_s: a steady sine, several, the free decay after a tap or a
-    release, or the motion that a force causes as a sweep or as noise"""
+    """motion after rest_duration_s: a steady sine, several sines, the free decay after an impact or
+    a release, or the response to a force that is a sweep or noise"""
     modes: Sought = Field(default_factory=Sought)
-    """which modes, where kind is multisine or free_decay"""
+    """search options for modes, where kind is multisine or free_decay"""
     sweep: Sweep = Field(default_factory=Sweep)
     """the sweep, where kind is sweep"""
     frequency_hz: Positive | None = Field(
@@ -244,25 +243,25 @@ class Excitation(Fields):
             4.25 if EXCITATION_KINDS[data.get("kind", "sine")].has_one_frequency else None
         )
     )
-    """frequency of the vibration; null looks for it"""
+    """frequency of the vibration; null estimates it"""
     undersampled: Flag = False
-    """whether frequency_hz is so well known that it may exceed half of the frame rate"""
+    """whether frequency_hz is known so accurately that it may exceed half of the frame rate"""
     amplitude_mm: Positive | None = None
-    """largest deflection that is expected, for the warnings before measuring"""
+    """largest expected deflection, for the warnings before measuring"""
     sound: Literal["force", "room", "none"] = "force"
-    """what the sound tracks carry: the force's signal, what microphones hear, or none that is
-    needed, since the vibration is steady and the images tell its phase"""
+    """content of the audio tracks: the force's signal, sound from microphones, or none that is
+    needed, since the vibration is steady and the images determine its phase"""
     steady_interval_s: tuple[Real, Real] | None = None
-    """from when to when the vibration is steady, on the first camera's clock; null looks for it in
+    """begin and end of the steady-state interval on the first camera's clock; null detects it in
     the force's signal, or takes all after rest_duration_s"""
     rest_duration_s: Real = Field(1.0, ge=0, le=3600)
-    """time at rest at the start; 0 without sound if there is none"""
+    """duration of the rest interval at the start; without sound it may be 0"""
     force_per_full_scale_n: Positive | None = None
     """force at the sound's full scale"""
 
     @property
     def behaviour(self) -> Behaviour:
-        """Return the behaviour that follows from the kind."""
+        """Return the behaviour of this kind of excitation."""
         return EXCITATION_KINDS[self.kind]
 
     @model_validator(mode="after")
@@ -281,16 +280,17 @@ class Excitation(Fields):
 
 
 class Reuse(Fields):
-    """A calibration that was made before, here or by another program; a path alone is its file."""
+    """An earlier calibration, by this library or another program; a path alone is its file."""
 
     file: Annotated[str, Field(min_length=1, max_length=500)]
-    """folder of an earlier measurement, or of one file for each camera; or a file: calibration.nc,
-    YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"""
+    """folder of an earlier measurement, or with one file for each camera; or a file:
+    calibration.nc, YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib,
+    caliscope or Pose2Sim"""
     poses: Literal["kept", "anew"] = "kept"
-    """whether the cameras stand where they stood, or are placed again by this folder's board
-    images, which need no lens then"""
+    """kept if the cameras have not moved since; anew estimates their poses from the board images,
+    and takes only the lenses from the file"""
     unit: Literal["m", "mm"] | None = None
-    """unit of the file's lengths; null is what the file says, else m"""
+    """unit of the file's lengths; null is the unit that the file states, else m"""
 
     @model_validator(mode="before")
     @classmethod
@@ -305,31 +305,30 @@ Wall = Annotated[
     Literal["yes", "no", "unknown"],  # YAML reads yes and no as true and false
     BeforeValidator(lambda value: ("no", "yes")[value] if isinstance(value, bool) else value),
 ]
-MIN_SURFACE_MARKERS = 6  # markers that a surface needs
+MIN_SURFACE_MARKERS = 6  # for a surface fit
 
 
 class Radiation(Fields):
-    """What the structure radiates, and where that is wanted."""
+    """Sound radiation of the structure, and the points at which it is computed."""
 
     outline_mm: Literal["structure", "hull"] | tuple[Place, ...] = "structure"
-    """what radiates: length by width, the hull of the markers, or corners from the clamped corner
-    """
+    """radiating area: length by width, hull of the markers, or corners from the clamped corner"""
     edges: Literal["by kind"] | tuple[Edge, ...] = "by kind"
     """edges of the outline that are held at rest, from each corner to the next; by kind: a beam's
     at x = 0, a plate's four, else none"""
     between: Literal["model", "spline"] | None = None
-    """what is fitted between markers: modes of the model, or a thin plate spline; null takes the
+    """interpolation between markers: modes of the model, or a thin plate spline; null takes the
     model where there is one that fits"""
     points_mm: tuple[Point, ...] = Field(((0.0, 0.0, 1000.0),), min_length=1, max_length=20)
-    """where the pressure is wanted: X, Y from the structure's centre, Z above its plane"""
+    """points of the pressure: X, Y from the structure's centre, Z above its plane"""
     plane_half_width_mm: Positive | None = None
-    """the planes XZ and YZ reach so far; null is the longer side"""
+    """half width of the planes XZ and YZ; null is the longer side"""
     plane_bottom_mm: Positive = 50.0
     """lowest height of the planes"""
     plane_top_mm: Positive | None = None
     """greatest height of the planes; null is the longer side above the lowest"""
     wall: Wall = "unknown"
-    """whether the structure lies in a wall, in whose plane no air flows around its edges"""
+    """whether the structure lies in a wall, which keeps air from flowing around its edges"""
     speed_of_sound_m_s: Positive = 343.0
     """speed of sound in the air"""
     air_density_kg_m3: Positive = 1.21
@@ -337,7 +336,7 @@ class Radiation(Fields):
 
     @property
     def medium(self) -> Medium:
-        """The air."""
+        """Return the properties of the air."""
         from thesis_lib.acoustics.radiation import Medium
 
         return Medium(self.speed_of_sound_m_s, self.air_density_kg_m3)
@@ -360,7 +359,7 @@ class Radiation(Fields):
         return np.asarray(every[scipy.spatial.ConvexHull(every).vertices], float)
 
     def held_edges(self, kind: str) -> list[int]:
-        """Return the numbers of the edges that are held at rest."""
+        """Return the indices of the edges that are held at rest."""
         if self.edges != "by kind":
             return [i for i, edge in enumerate(self.edges) if edge == "held"]
         if self.outline_mm != "structure":
@@ -368,7 +367,7 @@ class Radiation(Fields):
         return {"beam": [3], "plate": [0, 1, 2, 3]}.get(kind, [])
 
     def check(self, structure: StructureSpec) -> None:
-        """Refuse what does not go with the structure."""
+        """Refuse values that do not fit the structure."""
         markers, corners = structure.marker_points, self.corners(structure)
         if (count := markers.shape[1]) < MIN_SURFACE_MARKERS:
             least = f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}"

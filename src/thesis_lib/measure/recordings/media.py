@@ -1,11 +1,11 @@
-"""Recordings as files: gray video with its audio track (thesis 5.1.2).
+"""Recording files: gray video with an audio track (thesis 5.1.2).
 
-Everything streams: memory does not grow with the number of frames. One convention of time serves
-all of the laboratory: frame k is exposed around k / frame rate after the start of the recording
-(its mid-exposure), audio sample j is taken at j / sample rate after the same start.
+All data are streamed: memory does not grow with the number of frames. The whole laboratory uses one
+convention of time: frame k has its mid-exposure at k / frame rate after the start of the recording,
+and audio sample j is taken at j / sample rate after the same start.
 
-Videos are written to Matroska, whose sound is plain PCM: AAC would put 1024 samples of padding
-before the first one and up to 1024 after the last, and trusts the reader to drop them.
+Videos are written to Matroska with PCM audio: AAC would add 1024 samples of padding before the
+first sample and up to 1024 after the last, and rely on the reader to drop them.
 """
 
 import contextlib
@@ -29,9 +29,9 @@ from thesis_lib.measure.recordings.manifest import IMAGE_SUFFIXES, find_images
 from thesis_lib.measure.recordings.media_info import MediaError, open_media, probe_media
 from thesis_lib.studies.fields import format_given
 
-MAX_SAMPLED_PICTURES = 50  # of a folder, in which the brightest grey level is looked for
-MAX_SIDE_PX = 16384  # as H.264 allows
-MAX_RAW_NUMBER = 10**8  # frames, px, bits or Hz, beyond which a header is damaged
+MAX_SAMPLED_PICTURES = 50  # images of a folder that are searched for the brightest grey level
+MAX_SIDE_PX = 16384  # limit of H.264
+MAX_RAW_NUMBER = 10**8  # frames, px, bits or Hz; a header with larger numbers is damaged
 #: Names in the text header and in the XML header of raw frames
 RAW_FIELDS = (
     ("Record Rate(fps)", "recordRate"),
@@ -42,7 +42,7 @@ RAW_FIELDS = (
     ("EffectiveBit Depth", "depth"),
     ("EffectiveBit Side", "side"),  # "Lower" or "Higher" bits of sixteen
 )
-TIME_UNIT_S = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
+TIME_UNIT_S = Fraction(1, 1_000_000)  # unit of the times of unevenly spaced frames, s
 
 
 def write_video(
@@ -54,7 +54,7 @@ def write_video(
     codec: Literal["ffv1", "h264"] = "ffv1",
     crf: int = 23,
 ) -> None:
-    """Write gray frames and their sound to a file, whole or not at all.
+    """Write gray frames and audio to a file, whole or not at all.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ def write_video(
     frame_rate : float
         Frames per second in Hz.
     audio : array_like, shape (samples,), or None
-        Sound from the first frame on, −1…1; what is beyond clips, as it does in a camera.
+        Audio from the first frame on, −1…1; values beyond are clipped, as in a camera.
     sample_rate : int
         Audio samples per second in Hz.
     codec : str
-        ``ffv1`` is lossless, ``h264`` (x264, full range, preset medium) is as cameras record.
+        ``ffv1`` is lossless, ``h264`` (x264, full range, preset medium) is like that of cameras.
     crf : int
         Constant rate factor of H.264, 0…51; lower is better.
     """
@@ -85,7 +85,7 @@ def write_video(
         raise MediaError(f"{path}: no frames to write")
     name, options = "ffv1", {"level": "3", "slices": "16", "slicecrc": "1"}
     if codec == "h264":
-        # Without mbtree, whose assembly is not reproducible at every width; cameras have none.
+        # No mbtree: its assembly code is not reproducible at every width, and cameras have none.
         name, options = "libx264", {"preset": "medium", "crf": str(crf), "mbtree": "0"}
 
     def write_part(part: Path) -> None:
@@ -126,7 +126,7 @@ def write_video(
 
 
 def _check_frames(path: Path, frames: Iterable[Image]) -> Iterator[Image]:
-    """Yield frames; refuse one that is not as the first, or cannot be encoded."""
+    """Yield frames; refuse one that differs in shape from the first, or cannot be encoded."""
     shape = None
     for k, image in enumerate(frames):
         shape = shape or image.shape
@@ -140,10 +140,10 @@ def _check_frames(path: Path, frames: Iterable[Image]) -> Iterator[Image]:
 def read_frames(
     path: Path, start: int = 0, stop: int | None = None, clock: Array | None = None
 ) -> Iterator[Image]:
-    """Yield frames `start` to `stop` of a video in gray of full range, (height, width).
+    """Yield frames `start` to `stop` of a video in full-range gray, (height, width).
 
-    Colour becomes luma, a limited range (16…235) is stretched to 0…255, as are fewer than 16 bits
-    in 16, and a frame is turned and mirrored as it is to be shown.
+    Colour is converted to luma. A limited range (16…235), or one of fewer than 16 bits stored in
+    16, is stretched to 0…255. Frames are rotated and mirrored to their display orientation.
 
     Parameters
     ----------
@@ -152,19 +152,18 @@ def read_frames(
     start, stop : int
         First frame, and the one after the last; None for all.
     clock : ndarray, shape (frames,), optional
-        Times of all frames after the first in s. Frames may then come at any time, and there are
-        as many as these; without it they come at the file's rate.
+        Times of all frames after the first in s. Frames may then be unevenly spaced, and their
+        number is that of the times; without a clock they must come at the file's rate.
 
     Raises
     ------
     MediaError
-        While frames are taken: as by :func:`probe_media`, or if a frame is missing or cannot be
-        decoded.
+        During iteration: as by :func:`probe_media`, or if a frame is missing or cannot be decoded.
     """
     info = probe_media(path)
     with open_media(path) as file:
         timed = clock is None and file.format.name not in media_info.UNTIMED_FORMATS
-        k, previous, converter = 0, np.nan, VideoReformatter()  # one: to set it up takes a while
+        k, previous, converter = 0, np.nan, VideoReformatter()  # one for all: its setup is slow
         frames = media_info.decode_frames(file, media_info.video_track(file, path), path)
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
@@ -180,12 +179,12 @@ def read_frames(
 
 
 def _show_frame(frame: av.VideoFrame, depth: int, converter: VideoReformatter) -> Image:
-    """Return a frame in gray, as it is to be shown, uint8 of shape (height, width)."""
+    """Convert a frame to gray in its display orientation, uint8 of shape (height, width)."""
     luma = frame.format.components[0]
     deep = depth < 16 and luma.bits == 16
     image: NDArray[Any]
     full = frame.format.is_planar and frame.color_range == ColorRange.JPEG
-    if full and luma.is_luma and luma.bits == 8:  # as it is
+    if full and luma.is_luma and luma.bits == 8:  # no conversion needed
         rows = np.frombuffer(memoryview(frame.planes[0]), np.uint8)
         image = rows.reshape(-1, frame.planes[0].line_size)[: frame.height, : frame.width]
     else:
@@ -195,11 +194,11 @@ def _show_frame(frame: av.VideoFrame, depth: int, converter: VideoReformatter) -
     image = image.T if transposed else image
     image = image[:, ::-1] if mirrored else image
     image = image[::-1] if flipped else image
-    return np.array(image, np.uint8, order="C")  # not the decoder's own
+    return np.array(image, np.uint8, order="C")  # a copy, not the decoder's memory
 
 
 def _highest_bits(levels: NDArray[Any], depth: int) -> Image:
-    """Return the highest eight of the bits that hold grey levels, uint8 of the same shape."""
+    """Return the highest eight of the `depth` bits of grey levels, uint8 of the same shape."""
     return np.minimum(levels >> (depth - 8), 255).astype(np.uint8)
 
 
@@ -212,8 +211,8 @@ def write_png(path: Path, image: Image) -> None:
 def read_png(path: Path, depth: int | None = None) -> Image:
     """Read an image as gray, uint8 of shape (height, width).
 
-    ``depth`` bits hold the grey levels of an image of 16; else as many as its brightest pixel has.
-    A :class:`MediaError` is raised if there is no such file, it is not an image, or cut off.
+    ``depth`` is the number of used bits in a 16-bit image; by default its brightest pixel decides.
+    A :class:`MediaError` is raised if the file is missing, not an image, or truncated.
     """
     levels = _read_levels(path)
     if levels.dtype == np.uint8:
@@ -222,11 +221,11 @@ def read_png(path: Path, depth: int | None = None) -> Image:
 
 
 def _read_levels(path: Path) -> NDArray[Any]:
-    """Return the grey levels of an image, of eight bits or of sixteen."""
+    """Return the grey levels of an image with 8 or 16 bits."""
     media_info.check_is_file(path)
     data = path.read_bytes()
-    if data[4:8] == b"ftyp":  # HEIC, as telephones store images
-        try:  # turned as it is to be shown
+    if data[4:8] == b"ftyp":  # HEIC, a format of smartphones
+        try:  # in display orientation
             import pillow_heif
 
             picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
@@ -235,10 +234,10 @@ def _read_levels(path: Path) -> NDArray[Any]:
             raise MediaError(f"{path}: HEIC needs pillow-heif: {advice}") from None
         except (ValueError, OSError, EOFError, SyntaxError):
             raise MediaError(f"{path}: not a readable image, or cut off") from None
-        if picture.ndim == 3:  # the fourth would be transparency
+        if picture.ndim == 3:  # a fourth channel would be transparency
             picture = cv2.cvtColor(np.ascontiguousarray(picture[..., :3]), cv2.COLOR_RGB2GRAY)
         return np.ascontiguousarray(picture, np.uint8)
-    # OpenCV fills what is cut off of a PNG.
+    # OpenCV would fill the missing part of a truncated PNG.
     whole = not data.startswith(b"\x89PNG") or b"IEND" in data[-12:]
     code, flags = np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
     image = cv2.imdecode(code, flags) if whole and data else None
@@ -247,29 +246,29 @@ def _read_levels(path: Path) -> NDArray[Any]:
     return np.asarray(image)
 
 
-# Images, raw frames, or a film at another rate as a video. Phantom's .cine is read as it is.
+# Images, raw frames or a video are converted to a video. Phantom's .cine needs no conversion.
 
 
 def pack_frames(
     source: Path, target: Path, rate: float | None = None
 ) -> tuple[int, tuple[int, int]]:
-    """Write frames to a video without loss of grey levels of eight bits.
+    """Write frames to a video, lossless for grey levels of eight bits.
 
     Parameters
     ----------
     source : Path
-        Folder of images, in the order of their names, numbers by value; or a ``.cih`` or
-        ``.cihx`` beside its ``.mraw``; of more than eight bits the highest eight that are used
-        are kept. Or a film, or a raw stream such as ``.h264``, whose frames are copied.
+        Folder of images, ordered by name with numbers by value; or a ``.cih`` or ``.cihx`` next to
+        its ``.mraw``; of more than eight bits the highest eight that are used are written. Or a
+        video, or a raw stream such as ``.h264``, whose frames are copied.
     target : Path
         File to write, ending in .mov.
     rate : float, optional
-        Frames per second in Hz; raw frames know their own.
+        Frames per second in Hz; for raw frames the default is the rate in their header.
 
     Returns
     -------
     tuple
-        Number of frames; their width and height in px, less a last odd row or column.
+        Number of frames; their width and height in px, without a last odd row or column.
     """
     if target.suffix != ".mov":
         raise MediaError(f"{target}: given the ending {target.suffix!r}, allowed: .mov")
@@ -287,13 +286,13 @@ def pack_frames(
         _retime_frames(source, target, rate)
     else:
         even = (frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2] for frame in frames)
-        write_video(target, even, rate, None, codec="h264", crf=0)  # loses nothing
+        write_video(target, even, rate, None, codec="h264", crf=0)  # lossless
     info = probe_media(target)
     return info.frames or 0, info.size
 
 
 def _read_images(folder: Path) -> Iterator[Image]:
-    """Yield the images in a folder, all with the bits that the brightest of them has."""
+    """Yield the images in a folder, all with the bit depth of the brightest of a sample."""
     files = find_images(folder.iterdir())
     if not files:
         raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
@@ -303,7 +302,7 @@ def _read_images(folder: Path) -> Iterator[Image]:
 
 
 def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
-    """Return the rate and frames of a header of Photron's and the raw file beside it."""
+    """Return the rate and the frames from a Photron header and the raw file next to it."""
     media_info.check_is_file(header)
     try:
         text = text_files.read_text(header, errors="replace")
@@ -311,7 +310,7 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
         raise MediaError(f"{header}: {error}") from None
     xml = header.suffix == ".cihx"
     pattern = r"<(\w+)>([^<]+)</\1>" if xml else r"^(.+?) : (.+?)\r?$"
-    said = dict(reversed(re.findall(pattern, text, re.MULTILINE)))  # the first of each counts
+    said = dict(reversed(re.findall(pattern, text, re.MULTILINE)))  # a name's first value counts
     names = [pair[xml] for pair in RAW_FIELDS]
     for name in names:
         if name not in said:
@@ -355,10 +354,10 @@ def _read_raw(header: Path) -> tuple[float, Iterator[Image]]:
 
 
 def _retime_frames(source: Path, target: Path, rate: float) -> None:
-    """Copy the frames of a film or of a raw stream to a video that plays at another rate.
+    """Copy the frames of a video or of a raw stream to a video that plays at another rate.
 
-    Sound is left out: it does not go with frames that were taken at another rate. The source may be
-    a raw stream of packets without time stamps, such as ``.h264``.
+    Audio is left out, since it does not match frames at another rate. The source may be a raw
+    stream of packets without time stamps, such as ``.h264``.
     """
     if source.resolve() == target.resolve():
         raise MediaError(f"{target}: given the source itself, allowed: another file")
@@ -366,22 +365,22 @@ def _retime_frames(source: Path, target: Path, rate: float) -> None:
     clock = media_info.frame_clock(source) if timed else np.sort(order) / rate
     if len(clock) == len(order):  # else some are hidden, or cannot be decoded
         stamps, unit = order, 1 / Fraction(rate).limit_denominator(1001)
-        if len(clock) > 2 and np.ptp(np.diff(clock)) >= 1e-9:  # they come unevenly
+        if len(clock) > 2 and np.ptp(np.diff(clock)) >= 1e-9:  # unevenly spaced
             pace, unit = media_info.rate_of(clock, rate) / rate, TIME_UNIT_S
             stamps = np.rint(clock[order] * pace / float(unit)).astype(int)
         try:
             whole_file(target, lambda part: _copy(source, part, stamps, unit))
             return
-        except OSError as error:  # as of a full disk
+        except OSError as error:  # such as a full disk
             raise OSError(error.errno, error.strerror) from None
-        except (av.FFmpegError, ValueError):  # .mov does not hold VP8, for one
+        except (av.FFmpegError, ValueError):  # .mov cannot contain VP8, for example
             pass
     allowed = f"the video as it is, with captured_hz: {rate:g} in the manifest"
     raise MediaError(f"{source}: its frames cannot be copied into a .mov, allowed: {allowed}")
 
 
 def _presentation_order(source: Path) -> tuple[IntArray, bool]:
-    """Return the place of each packet among the frames shown, and whether it has a time stamp."""
+    """Return each packet's index in presentation order, and whether packets have time stamps."""
     with open_media(source) as file:
         film = media_info.video_track(file, source)
         stamps = np.array([packet.pts for packet in file.demux(film) if packet.size], float)
@@ -389,7 +388,7 @@ def _presentation_order(source: Path) -> tuple[IntArray, bool]:
     if timed and np.isfinite(stamps).all():
         return np.argsort(np.argsort(stamps)), True
     shown: list[int] = []
-    with open_media(source) as file:  # the decoder tells which packet each frame is of
+    with open_media(source) as file:  # the decoder passes each packet's number on to its frame
         for number, packet in enumerate(file.demux(media_info.video_track(file, source))):
             packet.pts = packet.dts = number
             shown += [frame.pts for frame in packet.decode() if frame.pts is not None]
@@ -397,9 +396,9 @@ def _presentation_order(source: Path) -> tuple[IntArray, bool]:
 
 
 def _copy(source: Path, target: Path, stamps: IntArray, unit: Fraction) -> None:
-    """Copy the packets of a film to a .mov, each with a time of presentation in some unit."""
+    """Copy the packets of a video to a .mov, with presentation times `stamps` in `unit` (s)."""
     ordered = np.sort(stamps)
-    # A packet is decoded before it is shown, and packets are decoded in their order.
+    # Each packet must be decoded before it is shown, and packets are decoded in file order.
     decoded = ordered - int(np.max(ordered - stamps))
     address = media_info.file_address(target)
     with open_media(source) as file, av.open(address, "w") as new:

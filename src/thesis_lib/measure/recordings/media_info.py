@@ -1,4 +1,4 @@
-"""What a video file says about itself: size, rate, length, presentation times."""
+"""Metadata of video files: size, frame rate, duration, presentation times."""
 
 import os
 import re
@@ -18,16 +18,16 @@ from av.stream import Disposition
 
 from thesis_lib.arrays import Array
 
-MAX_TIMESTAMP_ROUNDING_S = 1.001e-3  # s that time stamps may be off an even rate: Matroska's unit
-BIT_DEPTHS = (8, 10, 12, 14, 16)  # bits that a sensor's grey levels have, in a format of 16
-SAMPLED_FRAMES, SAMPLED_PLACES = 16, 8  # frames and places that are looked at for the brightest
+MAX_TIMESTAMP_ROUNDING_S = 1.001e-3  # deviation from an even rate by rounding: Matroska's unit
+BIT_DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's grey levels in a 16-bit format
+SAMPLED_FRAMES, SAMPLED_PLACES = 16, 8  # frames per place, and places, to find the brightest pixel
 #: Containers that store when a frame is decoded, but not when it is shown
 UNTIMED_FORMATS = {"avi"}
 _CAPTURE_RATE = re.compile(r"captur\w*[._ -]?(fps|frame[._ -]?rate)", re.IGNORECASE)  # Android's
 _SONY_RATE = re.compile(rb'capture[Ff]ps="([0-9.]+)[pi]?"')  # in XML at the file's end
-PACKED_FROM = "packed from "  # begin of the title of a packed video; its film's name follows
-SONY_BYTES = 1 << 16  # bytes at either end of a file that are searched for it
-# Texts and lists of other files, which FFmpeg opens, by its names for them
+PACKED_FROM = "packed from "  # start of a packed video's title; the name of the source follows
+SONY_BYTES = 1 << 16  # bytes at either end of a file that are searched for Sony's capture rate
+# FFmpeg's names of formats that are texts or lists of other files
 NOT_RECORDINGS = {"tty", "concat", "dash", "hls", "imf"}
 
 
@@ -37,18 +37,18 @@ class MediaError(ValueError):
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What a video says about itself."""
+    """Metadata of a video."""
 
     size: tuple[int, int]  #: Width and height in px
     frame_rate: float  #: Mean frame rate in Hz
-    frames: int | None  #: Number of frames, None if the file does not say
-    duration: float | None  #: Length of the video track in s, None if the file does not say
-    sound_end: float | None  #: End of the sound after the first frame, s, None if not said
+    frames: int | None  #: Number of frames, None if not stated
+    duration: float | None  #: Length of the video track in s, None if not stated
+    sound_end: float | None  #: End of the audio after the first frame, s, None if not stated
     has_audio: bool  #: Whether there is an audio track
     interlaced: bool  #: Whether even and odd lines of a frame were taken at different times
     start: float  #: Time of the first frame that can be decoded, by the file's clock, s
     depth: int  #: Bits that hold the grey levels
-    captured_hz: float | None  #: Rate in Hz at which the file says it was taken
+    captured_hz: float | None  #: Stated capture rate in Hz, None if not stated
 
 
 def file_address(path: Path) -> str:
@@ -65,9 +65,9 @@ def check_is_file(path: Path) -> None:
 
 @contextmanager
 def open_media(path: Path) -> Iterator[InputContainer]:
-    """Open a video or sound file for reading; no other file, and no network, is ever read for it.
+    """Open a video or sound file for reading, without access to other files or the network.
 
-    A :class:`MediaError` is raised if there is no such file, or it is no recording.
+    A :class:`MediaError` is raised if the file is missing or not a recording.
     """
     check_is_file(path)
     options = {"protocol_whitelist": "file", "pattern_type": "none"}  # a % in a name is a %
@@ -82,14 +82,14 @@ def open_media(path: Path) -> Iterator[InputContainer]:
 
 
 def video_track(file: InputContainer, path: Path) -> av.VideoStream:
-    """Return the track of the film, decoded by as many threads as there are cores.
+    """Return the main video track, decoded by as many threads as there are cores.
 
-    Attached images and other tracks of one frame are no film; of several films the one with most
-    pixels is taken, of equal ones the first. A :class:`MediaError` is raised if there is none.
+    Attached images are ignored, and so are tracks of one frame if there are longer ones. Of several
+    tracks the first with the most pixels is used. A :class:`MediaError` is raised without any.
     """
     still = Disposition.attached_pic | Disposition.timed_thumbnails
     tracks = [track for track in file.streams.video if not track.disposition & still]
-    films = [track for track in tracks if track.codec_context is not None]  # as an SVG's is
+    films = [track for track in tracks if track.codec_context is not None]  # None for an SVG
     if len(films) > 1:
         films = [film for film in films if _has_frames(path, film.index)] or films
     if not films:
@@ -100,7 +100,7 @@ def video_track(file: InputContainer, path: Path) -> av.VideoStream:
 
 
 def sound_tracks(file: InputContainer) -> list[av.AudioStream]:
-    """Return the tracks of sound that can be decoded."""
+    """Return the audio tracks that can be decoded."""
     return [track for track in file.streams.audio if track.codec_context is not None]
 
 
@@ -116,10 +116,10 @@ def _has_frames(path: Path, index: int) -> bool:
 def decode_frames(
     file: InputContainer, stream: av.VideoStream, path: Path
 ) -> Iterator[av.VideoFrame]:
-    """Decode the frames of a track in the order in which they are shown.
+    """Decode the frames of a track in presentation order.
 
-    Frames before the first that can be decoded, as in a film that was cut between key frames, are
-    left out; a :class:`MediaError` is raised if a later one cannot be decoded.
+    Frames before the first decodable one, as in a video that was cut between key frames, are left
+    out; a :class:`MediaError` is raised if a later frame cannot be decoded.
     """
     count, packets = 0, file.demux(stream)
     while True:
@@ -140,15 +140,15 @@ def decode_frames(
 
 
 def orientation_of(frame: av.VideoFrame) -> tuple[bool, bool, bool]:
-    """Return how a frame is turned to be shown, from its display matrix.
+    """Return the transformation of a frame to its display orientation, from its display matrix.
 
     Returns
     -------
     transposed, mirrored, flipped : bool
-        To be applied in this order: rows and columns are exchanged, then left and right, then top
-        and bottom. Angles between quarters count as the nearest quarter.
+        To be applied in this order: exchange of rows and columns, of left and right, of top and
+        bottom. Angles are rounded to quarter turns.
     """
-    data: Any = frame.side_data  # whose stubs say that it holds names
+    data: Any = frame.side_data  # its type stubs are wrong: they declare names
     matrix = data.get("DISPLAYMATRIX")
     if matrix is None:
         return False, False, False
@@ -165,7 +165,7 @@ def start_of(stream: av.VideoStream | av.AudioStream) -> float:
 
 
 def _end_of(stream: av.VideoStream | av.AudioStream, start: float) -> float | None:
-    """Return how long after a start in s a track ends, s, None if the file does not say."""
+    """Return the time from `start` to the end of a track, s; None if not stated."""
     if stream.duration is not None and stream.time_base is not None:
         return start_of(stream) + float(stream.duration * stream.time_base) - start
     if "DURATION" not in stream.metadata:
@@ -175,10 +175,10 @@ def _end_of(stream: av.VideoStream | av.AudioStream, start: float) -> float | No
 
 
 def probe_media(path: Path) -> VideoInfo:
-    """Return what a video and its first frames say about it; the size is that of frames as shown.
+    """Return the metadata of a video and its first frames; the size is in display orientation.
 
-    A :class:`MediaError` is raised if there is no such file, or it is not a video with a frame that
-    can be decoded.
+    A :class:`MediaError` is raised if the file is missing, or not a video with a frame that can be
+    decoded.
     """
     check_is_file(path)
     now = path.stat()
@@ -221,7 +221,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
 
 
 def source_of_packed(path: Path) -> str | None:
-    """Return the name of the film that ``thesis convert`` made a .mov of, None of another file."""
+    """Return the source of a .mov by ``thesis convert``, a file name; None for other files."""
     if path.suffix.lower() == ".mov":
         with suppress(MediaError), open_media(path) as file:
             title = file.metadata.get("title", "")
@@ -230,16 +230,16 @@ def source_of_packed(path: Path) -> str | None:
 
 
 def start_of_film(path: Path) -> float | None:
-    """Return when the first frame of a file is shown, by its own clock, s; None without frames."""
+    """Return the time of a file's first frame by its own clock, s; None without frames."""
     with suppress(MediaError):  # a sound file, a cover alone, or frames that cannot be decoded
         return probe_media(path).start
     return None
 
 
 def _depth_of(path: Path) -> int:
-    """Return how many of 16 bits the grey levels of a film use, from frames all over it."""
+    """Return how many of 16 bits the grey levels of a video use, from a sample of its frames."""
     brightest = 0
-    unread = MediaError, av.FFmpegError, OSError  # which is reported when the frames are read
+    unread = MediaError, av.FFmpegError, OSError  # reported later, when the frames are read
     with open_media(path) as file, suppress(*unread):
         stream = video_track(file, path)
         span = file.duration or 0  # in FFmpeg's unit, as seek takes it
@@ -252,7 +252,7 @@ def _depth_of(path: Path) -> int:
 
 
 def depth_for(brightest: int) -> int:
-    """Return the usual number of bits that hold a grey level.
+    """Return the smallest usual bit depth that can hold a grey level.
 
     Examples
     --------
@@ -263,9 +263,9 @@ def depth_for(brightest: int) -> int:
 
 
 def _capture_rate(file: InputContainer, stream: av.VideoStream, path: Path) -> float | None:
-    """Return the rate in Hz at which a file says that its frames were taken, None if it does not.
+    """Return the capture rate in Hz that a file states, None if it states none.
 
-    Android writes it beside the tracks, Sony's cameras into XML at the end of the file.
+    Android writes it into the metadata, Sony's cameras into XML at the end of the file.
     """
     stated = file.metadata | stream.metadata
     texts = [text for name, text in stated.items() if _CAPTURE_RATE.search(name)]
@@ -282,11 +282,11 @@ def _capture_rate(file: InputContainer, stream: av.VideoStream, path: Path) -> f
 
 
 def frame_clock(path: Path) -> Array:
-    """Return when frames were taken after the first, (frames,), s, by the video's clock.
+    """Return the times of frames after the first, (frames,), s, by the video's clock.
 
-    Time stamps that agree with the rate which the file states, to within their rounding, are those
-    of a constant rate; others count as they stand. Nothing but the first frame is decoded. A
-    :class:`MediaError` is raised if there are no time stamps, or if two frames have one time.
+    Time stamps that agree with the stated rate or with another constant rate, to within their
+    rounding, are replaced by even ones; others stay unchanged. Only the first frame is decoded. A
+    :class:`MediaError` is raised if there are no time stamps, or if two frames have the same one.
     """
     info = probe_media(path)
     with open_media(path) as file:
@@ -303,7 +303,7 @@ def frame_clock(path: Path) -> Array:
         except (av.FFmpegError, OSError):
             raise MediaError(f"{path}: damaged after frame {len(found)}") from None
     times = np.sort(found)
-    times = times[times > (-np.inf if untimed else info.start) - 1e-6]  # else not decoded
+    times = times[times > (-np.inf if untimed else info.start) - 1e-6]  # decodable frames
     if not len(times):
         raise MediaError(f"{path}: no frames")
     times = np.asarray(times - times[0])

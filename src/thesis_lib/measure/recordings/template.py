@@ -1,4 +1,4 @@
-"""A manifest to start from: what a folder of recordings shows, and what only its owner knows."""
+"""Manifest template for a folder of recordings: detected, given and assumed values."""
 
 import base64
 import glob
@@ -25,32 +25,32 @@ from thesis_lib.studies.fields import describe_field
 from thesis_lib.templates import join_words
 from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
 
-MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = 3, 12  # by each camera
+MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = 3, 12  # per camera
 _LISTS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 GUIDE_VALUES: dict[str, Any] = _LISTS["guide_values"]
 ASKED_FIELDS: tuple[str, ...] = tuple(_LISTS["asked_fields"])
 ASKED_OF_MARKS: tuple[str, ...] = tuple(_LISTS["asked_of_marks"])
-# Of the shortest frame, which stands for an exposure that is not given
+# Assumed exposure time over the shortest frame interval, if none is given
 ASSUMED_EXPOSURE_RATIO = 0.25
 
 
 def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:
-    """Write ``manifest.yaml`` into a folder, with all that its files and their owner tell.
+    """Write ``manifest.yaml`` and ``corners.html`` into a folder, from its files and given values.
 
     Parameters
     ----------
     folder : Path
-        With two videos or more; board images lie in folders, or their names begin, with
-        the names of the videos.
+        Folder with 2 to 16 videos. Board images are in folders that are named like the videos, or
+        their names begin with those of the videos.
     given : mapping
-        Fields by path, as ``{"board.tile_mm": 30}``; ``cameras.exposure_s`` is every camera's.
+        Fields by path, as ``{"board.tile_mm": 30}``; ``cameras.exposure_s`` is for all cameras.
 
     Returns
     -------
     Path
         The manifest.
     list of str
-        What was found, what is missing, and what was not given and so assumed.
+        Messages on detected, missing and assumed values.
     """
     path = folder / "manifest.yaml"
     if not folder.is_dir():
@@ -68,7 +68,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     assumed = find_assumed(manifest, given, asked)
     told = [*_describe_found(manifest, folder), *passed]
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
-    if manifest.structure.markers.hole_mm is None and lacking:  # which tells the ends apart
+    if manifest.structure.markers.hole_mm is None and lacking:  # the ends look alike
         told.append(format_new("corners", names=join_words(lacking), page=folder / PAGE_NAME))
     with staging(folder) as part:
         (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
@@ -78,13 +78,13 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
 
 
 def find_assumed(manifest: Manifest, given: Mapping[str, Any], among: Sequence[str]) -> list[str]:
-    """Return the fields that no file shows of such a structure and board, and nobody gave."""
+    """Return the fields in `among`, and those of marks on a ChArUco board, that are not given."""
     asked = (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
     return [name for name in asked if not _is_given(name, given)]
 
 
 def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the manifest's values, as they are given or seen."""
+    """Return the manifest's values, given or detected."""
     infos = [probe_media(video) for video in videos]
     fastest = max(max(info.frame_rate, info.captured_hz or 0) for info in infos)
     exposure = float(f"{ASSUMED_EXPOSURE_RATIO / fastest:.3g}")
@@ -110,7 +110,7 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
 
 
 def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest's values: of cameras, which are changed, the guide's, and what is given."""
+    """Merge cameras (changed in place), the guide's values and given values into a manifest's."""
     values: dict[str, Any] = {"cameras": cameras}
     guide = {name: one for name, one in GUIDE_VALUES.items() if not _is_given(name, given)}
     for name, value in (dict(given) | guide).items():
@@ -126,7 +126,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
                 raise ManifestError(f"-p: {name} is inside what is given; allowed: one of them")
         inside[last] = value
     markers = values.get("structure", {}).get("markers", {})
-    if isinstance(markers, dict) and "spacing_mm" in markers:  # as on the printed sheet
+    if isinstance(markers, dict) and "spacing_mm" in markers:  # equal on the printed sheet
         markers.setdefault("row_spacing_mm", markers["spacing_mm"])
     return values
 
@@ -134,7 +134,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
 def _shots(folder: Path, name: str, names: Sequence[str]) -> str | list[str] | None:
     """Return the folder or pattern of a camera's calibration images; None if there are none.
 
-    It is a list where a pattern has those of another camera, too, as of `cam-2` for `cam`.
+    A list is returned if a pattern would match another camera's images, such as `cam-2` for `cam`.
     """
     others = tuple(f"{one}-" for one in names if one.startswith(f"{name}-"))
     inside = sorted(one for one in folder.rglob("*") if one.is_dir() and not is_hidden(one))
@@ -155,7 +155,7 @@ def _shots(folder: Path, name: str, names: Sequence[str]) -> str | list[str] | N
 
 
 def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
-    """Yield what was found of each camera, and what is missing."""
+    """Yield messages on the files found and missing for each camera."""
     counts = []
     for camera in manifest.cameras:
         info = probe_media(folder / camera.video)
@@ -185,7 +185,7 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
 
 
 def list_assumed(manifest: Manifest, assumed: Sequence[str]) -> Iterator[str]:
-    """Yield the fields that are assumed, with what stands for each."""
+    """Yield a message on each assumed field and its value."""
     for name in assumed:
         value: Any = manifest
         for part in name.split("."):
@@ -196,12 +196,12 @@ def list_assumed(manifest: Manifest, assumed: Sequence[str]) -> Iterator[str]:
 
 
 def _is_given(name: str, given: Mapping[str, Any]) -> bool:
-    """Return whether a field is given, or an object that it is in."""
+    """Return whether a field, or an object that contains it, is given."""
     return any(name == one or name.startswith(f"{one}.") for one in given)
 
 
 def text_of(manifest: Manifest, assumed: Sequence[str]) -> str:
-    """Return the manifest as commented YAML; what is assumed is marked."""
+    """Return the manifest as commented YAML, with assumed fields marked."""
     if manifest.structure.markers.hole_mm is None and manifest.cameras[0].corners_px is None:
         assumed = (*assumed, "cameras.corners_px")
     lines = [
@@ -216,11 +216,11 @@ def text_of(manifest: Manifest, assumed: Sequence[str]) -> str:
 
 
 def _fields(part: BaseModel, path: str, indent: int, assumed: Sequence[str]) -> Iterator[str]:
-    """Yield a line for each field, with its meaning; those that may be left out are left out."""
+    """Yield a line for each field, with its meaning; omit optional fields that are not set."""
     space = " " * (indent + 2)
     for name in type(part).model_fields:
         value, place = getattr(part, name), f"{path}.{name}".lstrip(".")
-        if place == "cameras":  # come last, one by one
+        if place == "cameras":  # written last, one by one
             continue
         if isinstance(value, BaseModel):
             if lines := [*_fields(value, place, indent + 2, assumed)]:
@@ -229,20 +229,20 @@ def _fields(part: BaseModel, path: str, indent: int, assumed: Sequence[str]) -> 
         elif value is not None or place in assumed or name in part.model_fields_set:
             check = "CHECK: " if place in assumed else ""
             text = json.dumps(part.model_dump(mode="json")[name], ensure_ascii=False)
-            if isinstance(value, float):  # YAML takes JSON's 5e-05 for text
+            if isinstance(value, float):  # JSON's 5e-05 is text in YAML
                 text = yaml.safe_dump(value).splitlines()[0]
             yield f"{space}{name}: {text}  # {check}{describe_field(type(part), name)}"
 
 
 OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | {*_LISTS["other_endings"]}
-MAX_NAME_CHARACTERS = 40  # characters of a camera's name
-_CHAPTER_PATTERN = re.compile(r"(?:G[HXLS]\d\d|GOPR|GP\d\d)(\d{4})", re.I)  # film's number
+MAX_NAME_CHARACTERS = 40  # of a camera's name
+_CHAPTER_PATTERN = re.compile(r"(?:G[HXLS]\d\d|GOPR|GP\d\d)(\d{4})", re.I)  # recording's number
 
 
 def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
-    """Return the videos in a folder, in the order of their names, and a line on each other file.
+    """Return the videos in a folder, ordered by name, and messages on files that are passed over.
 
-    Hidden files are none. A file with an unknown ending is a video if it can be read as one.
+    Hidden files are ignored. A file with an unknown suffix is a video if it can be read as one.
     """
     videos, lines = [], []
     for file in sorted(folder.iterdir()):
@@ -271,7 +271,7 @@ def _is_film(file: Path) -> bool:
 
 
 def _check_names(folder: Path, videos: Sequence[Path]) -> None:
-    """Refuse videos whose names say that they are not of one camera each."""
+    """Refuse videos whose names indicate several files of one camera."""
     groups: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for video in videos:
         why = "have one name, as one recording in two files has"
@@ -285,15 +285,15 @@ def _check_names(folder: Path, videos: Sequence[Path]) -> None:
 
 
 PAGE_NAME = "corners.html"
-JPEG_QUALITY = 92  # leaves edges where they are, and a page of 16 cameras below 10 MB
+JPEG_QUALITY = 92  # does not shift edges, and keeps a page of 16 cameras below 10 MB
 NO_SCRIPT_TEXT = "This page needs JavaScript to read corners."
 
 
 def corners_page(manifest: Manifest, folder: Path) -> str:
-    """Return a self-contained HTML page in which corners are clicked, and read as lines of YAML.
+    """Return a self-contained HTML page to click corners, which it shows as lines of YAML.
 
-    Corners that the manifest has already are there to be corrected. A :class:`MediaError` is
-    raised if the first frame of a video cannot be read.
+    Corners in the manifest are shown for correction. A :class:`MediaError` is raised if the first
+    frame of a video cannot be read.
     """
     cameras = []
     for camera in manifest.cameras:

@@ -1,10 +1,10 @@
-"""Text files from elsewhere, read within bounds of size and depth; tables, written as CSV.
+"""Safe parsing of untrusted YAML, TOML, XML and JSON files, and output of tables as CSV.
 
-They are in YAML, TOML, XML or JSON. A few lines of YAML can stand for gigabytes, a list in a list
-for ever. Whatever is read here is read within a second, or refused in one line: every function
-raises :class:`TextFileError` with what is wrong, and in which line if there is one.
+A few lines of YAML can stand for gigabytes, or for lists that are nested without end. Size and
+depth are therefore limited, so that a file is read within a second or refused: every function
+raises :class:`TextFileError` with the problem, and with its line number if there is one.
 
-Spreadsheets open the tables: no text in them is a formula.
+Spreadsheets may open the tables, so no text in them is a formula.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from thesis_lib.text import one_line
 if TYPE_CHECKING:
     import pandas as pd
 
-MAX_BYTES = 1_000_000  # of a file; fifty views of a board, with all their corners, are 150 kB
-MAX_VALUES = 50_000  # in a YAML text, which takes a third of a second
+MAX_BYTES = 1_000_000  # of a file; fifty board images, with all their corners, are 150 kB
+MAX_VALUES = 50_000  # in a YAML text; so many take a third of a second
 MAX_DEPTH = 20  # levels; a manifest has six
 MAX_CHARACTERS = 10_000  # of a single value in YAML
-# Of TOML, which needs memory as the square of a name's parts: twenty in a row, a thousand quoted
+# TOML needs memory as the square of a name's parts: limits are 20 in a row, 1000 quoted ones
 _LONG_NAME = re.compile(r"(?:\.[ \t]*+[\w-]++[ \t]*+){20}")
 _QUOTED_PART = re.compile(r"""["'][ \t]*+\.""")
-_POWER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, a text to YAML 1.1
+_POWER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # 210e9 is a text in YAML 1.1
 POWER_RESOLVER = "tag:yaml.org,2002:float", _POWER_PATTERN, list("-+0123456789")
-FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # of a cell that a spreadsheet computes
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # first characters of spreadsheet formulas
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -43,12 +43,12 @@ class TextFileError(ValueError):
 
 
 class _Loader(_SafeLoader):  # type: ignore[misc]
-    """YAML as plain as JSON, with OpenCV's matrices as what they hold: no key twice."""
+    """Loader of plain YAML, with OpenCV's matrices as mappings; refuses duplicate keys."""
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         try:
             return super().construct_object(node, deep)
-        except ValueError:  # a number of thousands of digits, a day that is none
+        except ValueError:  # a number of thousands of digits, an invalid date
             given = one_line(str(node.value))
             raise _refusal(f"given {given}, allowed: a value that can be read", node) from None
 
@@ -76,10 +76,10 @@ def _refusal(problem: str, at: Any) -> TextFileError:
 def read_text(path: Path, errors: str = "strict") -> str:
     """Return the text of a file in UTF-8, without a byte order mark.
 
-    Bytes that are no UTF-8 are treated by `errors` as in :meth:`bytes.decode`. A text of more than
+    Invalid UTF-8 is handled according to `errors`, as in :meth:`bytes.decode`. A text of more than
     :data:`MAX_BYTES` is refused.
     """
-    with path.open("rb") as file:  # no more than this, however large it is or grows
+    with path.open("rb") as file:  # limited, since the file may grow
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
         raise TextFileError(f"larger than {MAX_BYTES / 1e6:g} MB, allowed: a smaller text")
@@ -90,14 +90,14 @@ def read_text(path: Path, errors: str = "strict") -> str:
 
 
 def parse_yaml(text: str) -> Any:
-    r"""Return the values of a YAML text, of OpenCV's too; aliases are refused.
+    r"""Return the values of a YAML text, also from OpenCV; aliases are refused.
 
     Examples
     --------
     >>> parse_yaml("%YAML:1.0\n---\nE: 210e9")
     {'E': 210000000000.0}
     """
-    if text.startswith("%YAML"):  # as OpenCV begins, which writes \' for ', no YAML either
+    if text.startswith("%YAML"):  # from OpenCV, which also writes \' for ', invalid in YAML
         text = re.sub(r"\\(.)", lambda one: one[1] if one[1] == "'" else one[0], text)
     if text.startswith("%YAML:"):
         text = "#" + text
@@ -108,7 +108,7 @@ def parse_yaml(text: str) -> Any:
 
 @contextmanager
 def _parsing(kind: str) -> Iterator[None]:
-    """Refuse in one line what a parser, and what follows it, cannot read."""
+    """Convert errors of parsing and of further processing to a :class:`TextFileError`."""
     try:
         yield
     except TextFileError:
@@ -123,7 +123,7 @@ def _parsing(kind: str) -> Iterator[None]:
 
 
 def _check_yaml(text: str) -> None:
-    """Refuse a text that would take long to read, by its events, which come one by one."""
+    """Refuse a text that would take long to load, from the stream of the parser's events."""
     depth = 0
     for count, event in enumerate(yaml.parse(text, _Loader)):
         if isinstance(event, yaml.AliasEvent):
@@ -153,7 +153,7 @@ def parse_json(text: str) -> Any:
 
 
 def parse_xml(text: str) -> ElementTree.Element:
-    """Return the outermost element of an XML text; declared types and entities are refused."""
+    """Return the root element of an XML text; declared types and entities are refused."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise TextFileError("declares its own types (DOCTYPE), allowed: elements")
     with _parsing("an XML text"):
@@ -161,7 +161,7 @@ def parse_xml(text: str) -> ElementTree.Element:
 
 
 def _shallow(values: Any) -> Any:
-    """Return lists, objects or an element; refuse those that are nested too deep."""
+    """Return lists, objects or an element unchanged; refuse those that are nested too deep."""
     level = [values]
     for _ in range(MAX_DEPTH + 1):
         inside = [one for one in level if isinstance(one, dict | list | ElementTree.Element)]
@@ -172,7 +172,7 @@ def _shallow(values: Any) -> Any:
 
 
 def quote_formula(value: Any) -> Any:
-    """Return a value as it stands in a cell: a text that is a formula after an apostrophe.
+    """Return a value for a table's cell, with an apostrophe before a text that is a formula.
 
     Examples
     --------
@@ -183,5 +183,5 @@ def quote_formula(value: Any) -> Any:
 
 
 def write_csv(table: pd.DataFrame, path: Path, float_format: str | None = None) -> None:
-    """Write a table of numbers and texts."""
+    """Write a table of numbers and texts as CSV, with formulas quoted."""
     table.map(quote_formula).to_csv(path, index=False, float_format=float_format)

@@ -1,4 +1,4 @@
-"""Recordings checked against the manifest before anything is measured, and frames that repeat."""
+"""Checks of recordings against the manifest before a measurement, and of repeated frames."""
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -21,9 +21,9 @@ from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, Manife
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo
 from thesis_lib.studies.fields import format_given, format_limit
 
-STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
-RATE_TOLERANCE = 0.1  # relative, from which on a rate is mistaken; below, the file is right
-MAX_END_GAP_S = 0.5  # s that a video's images and its sound may end apart
+STANDS_STILL = 0.02  # least distance from multiples of half the frame rate, over that half
+RATE_TOLERANCE = 0.1  # relative difference above which rates disagree; below, the file is right
+MAX_END_GAP_S = 0.5  # between the ends of a video's images and of its audio
 
 
 class ChainError(ValueError):
@@ -31,7 +31,7 @@ class ChainError(ValueError):
 
 
 def markers_of(manifest: Manifest) -> board.Markers:
-    """Return what the manifest says is printed on the structure."""
+    """Return the markers on the structure from the manifest, in SI units."""
     given, marks = manifest.structure, manifest.structure.markers
     hole = marks.hole_mm and (marks.hole_mm[0] / 1000, marks.hole_mm[1] / 1000)
     diameter, bright = marks.diameter_mm / 1000, marks.tone == "bright"
@@ -39,9 +39,9 @@ def markers_of(manifest: Manifest) -> board.Markers:
 
 
 def check_files(manifest: Manifest, folder: Path) -> list[Array]:
-    """Refuse recordings that are not what the manifest says, or not whole; return their clocks.
+    """Refuse recordings that differ from the manifest or are incomplete; return their clocks.
 
-    These are the times of each video's frames after the first, (frames,), s, by its own clock. A
+    A clock is the times of a video's frames after the first, (frames,), s, by its own clock. A
     ManifestError or :class:`MediaError` gives the first difference, in one line.
     """
     for problem in check_recordings(manifest, folder):
@@ -50,14 +50,14 @@ def check_files(manifest: Manifest, folder: Path) -> list[Array]:
 
 
 def clock_of(camera: CameraFiles, folder: Path) -> Array:
-    """Return when the frames of a camera were taken after the first, shape (frames,), s.
+    """Return the capture times of a camera's frames after the first, shape (frames,), s.
 
-    Those of a film that plays slowly, too. A :class:`MediaError` is raised if some are missing.
+    Times of slow motion are rescaled. A :class:`MediaError` is raised if frames are missing.
     """
     path = folder / camera.video
     clock, info = media_info.frame_clock(path), media_info.probe_media(path)
     says, end = info.frames, info.duration
-    late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # none left out before
+    late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # missing at the end
     if says is not None and len(clock) < says and (late or end is None):
         raise MediaError(f"{path}: ends before frame {len(clock)}, the file says {says}")
     if camera.captured_hz is None:
@@ -66,11 +66,11 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
 
 
 def check_excitation(manifest: Manifest) -> Iterator[str]:
-    """Yield what of the excitation these cameras cannot film, one line each.
+    """Yield the problems of the excitation for these cameras, one line each.
 
-    Above half of the frame rate the motion is sampled too rarely, which is refused unless it is
-    declared; and near multiples of that half it seems to stand still or to flip from frame to
-    frame, from which its phase cannot be told.
+    A frequency above half of the frame rate is undersampled and refused unless this is declared.
+    Near multiples of that half the motion appears still or flips from frame to frame, so that its
+    phase cannot be determined.
     """
     rates = [camera.rate_hz for camera in manifest.cameras]
     frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_duration_s
@@ -90,10 +90,10 @@ def check_excitation(manifest: Manifest) -> Iterator[str]:
 
 
 def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
-    """Yield how recordings differ from what the manifest says, one line each.
+    """Yield the differences between recordings and manifest, one line each.
 
-    The excitation, the markers' places, every video's size, frame rate, length and sound, the size
-    of every image of the board, and the force.
+    Checks the excitation, the markers' positions, every video's size, frame rate, duration and
+    audio, the size of every board image, and the force.
     """
     yield from check_excitation(manifest)
     places, marks = manifest.structure.marker_points, manifest.structure.markers
@@ -118,13 +118,13 @@ def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
 
 
 def _check_sound(path: Path, channel: int | None = None) -> Iterator[str]:
-    """Yield what a sound lacks; a gap or damage is raised."""
+    """Yield the problem of silent audio; a :class:`MediaError` is raised for a gap or damage."""
     if silence := audio.probe_audio(path, channel).silence:
         yield silence
 
 
 def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:
-    """Yield what a recorded force lacks."""
+    """Yield the problems of a recorded force."""
     given = manifest.force
     if given is None:
         return
@@ -142,7 +142,7 @@ def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:
 
 
 def is_slowed(info: VideoInfo) -> bool:
-    """Return whether a file says that its frames were taken at another rate than they play at."""
+    """Return whether a file states a capture rate that differs from its playback rate."""
     taken = info.captured_hz
     return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
 
@@ -150,7 +150,7 @@ def is_slowed(info: VideoInfo) -> bool:
 def _check_video(
     path: Path, camera: CameraFiles, excitation: manifest_parts.Excitation
 ) -> Iterator[str]:
-    """Yield what is wrong with a film's rate, size, lines, stated lengths and sound."""
+    """Yield the problems of a video's rate, size, interlacing, duration and audio."""
     info = media_info.probe_media(path)
     heard, rest = excitation.sound != "none", excitation.rest_duration_s
     if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
@@ -182,10 +182,10 @@ def _check_video(
 
 
 def on_one_line(points: Array, diameter: float) -> bool:
-    """Return whether markers at points (2, n) leave the rotation about their line undetermined.
+    """Return whether markers at points (2, n) are collinear, to within their position errors.
 
-    Nor which way is up then. Across the line their scatter must be more than a part of the
-    diameter, so that it is more than what they are off their places.
+    They then leave the rotation about their line undetermined, and which way is up. Their rms
+    distance from the line must exceed a quarter of the diameter, more than their position errors.
     """
     off = points - points.mean(axis=1, keepdims=True)
     across = np.linalg.eigvalsh(off @ off.T / points.shape[1])[0]
@@ -198,17 +198,17 @@ def _check_size(size: Sequence[int], camera: CameraFiles) -> Iterator[str]:
         yield f"{width} × {height} px, allowed: {wanted[0]} × {wanted[1]} px as the manifest says"
 
 
-SAMPLING_PX = 4  # px between the pixels of which frames are compared
-#: Change from the frame before, over that of the frames around, of a frame that repeats it. What
-#: compression and its noise left of repeated frames was below 0.01 (H.264, crf 17 and 26).
+SAMPLING_PX = 4  # distance between the pixels that are compared
+#: Largest change of a repeated frame from the one before, over that of the frames around.
+#: Compression and its noise caused less than 0.01 (H.264, crf 17 and 26).
 MAX_RELATIVE_CHANGE = 0.02
-NEIGHBOUR_FRAMES = 12  # frames before and after, in both of which something must move
-MIN_MOTION = 0.25  # change of those over that of all frames, below which the structure rests
-MIN_SHARE, MIN_REPEATS = 0.03, 4  # repeats from which on they are reported
+NEIGHBOUR_FRAMES = 12  # frames before and after, both of which must contain motion
+MIN_MOTION = 0.25  # their change over the 90 % quantile of all, below which the structure rests
+MIN_SHARE, MIN_REPEATS = 0.03, 4  # least share and number of repeats that are reported
 
 
 def note_changes(frames: Iterable[Image], steps: Array, across: Array) -> Iterator[Image]:
-    """Yield frames, and fill in what :func:`find_repeats` compares, both of shape (frames,)."""
+    """Yield frames; fill in `steps` and `across` of :func:`find_repeats`, shape (frames,)."""
     last: deque[Array] = deque(maxlen=4)
     for k, image in enumerate(frames):
         last.append(image[::SAMPLING_PX, ::SAMPLING_PX].astype(float))
@@ -220,19 +220,19 @@ def note_changes(frames: Iterable[Image], steps: Array, across: Array) -> Iterat
 
 
 def find_repeats(steps: Array, across: Array) -> IntArray:
-    """Return the frames that repeat the one before, while frames around them do not.
+    """Return the indices of frames that repeat the one before, while frames around them do not.
 
     Parameters
     ----------
     steps : ndarray, shape (frames,)
         Mean change of grey levels from the frame before.
     across : ndarray, shape (frames,)
-        That from two frames before to the frame after, which is small where a motion turns back
-        between two frames, so that these are alike.
+        Mean change from two frames before to the frame after. It is small if a motion reverses
+        between two frames, which are therefore alike.
     """
     if len(steps) < 2 * NEIGHBOUR_FRAMES:
         return np.zeros(0, int)
-    # The largest change in the frames up to each one, and in those from it on.
+    # The largest change up to each frame, and from each frame on.
     window, half = NEIGHBOUR_FRAMES + 1, NEIGHBOUR_FRAMES // 2
     largest = partial(scipy.ndimage.maximum_filter1d, steps, window, mode="constant")
     around = np.minimum(largest(origin=half), largest(origin=-half))
@@ -246,7 +246,7 @@ def find_repeats(steps: Array, across: Array) -> IntArray:
 
 
 def describe_repeats(name: str, repeats: IntArray) -> str:
-    """Return what to say of frames that repeat, empty if none do."""
+    """Return a message on repeated frames, empty if there are none."""
     if not len(repeats):
         return ""
     share = len(repeats) / (repeats[-1] - repeats[0] + 1)

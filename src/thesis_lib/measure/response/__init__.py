@@ -1,1 +1,1 @@
-"""How much a structure moves for a force that was recorded beside it, frequency by frequency."""
+"""Estimate the receptance of a structure from its motion and a recorded force."""

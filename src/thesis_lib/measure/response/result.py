@@ -1,20 +1,19 @@
-"""Receptance of tracks and a force by averaged spectra: H1, H2, Hv, coherence, standard errors.
+"""Estimate receptance from tracks and a force: H1, H2, Hv, coherence, standard errors.
 
-Of segments of force F and motion X, with ⟨⟩ their mean: H1 = ⟨XF*⟩ / ⟨FF*⟩, which noise in the
-motion leaves right and noise in the force makes too small; H2 = ⟨XX*⟩ / ⟨FX*⟩, which noise in the
-force leaves right and noise in the motion makes too large; Hv, between them, has the size
+With ⟨⟩ the mean over segments of force F and motion X, H1 = ⟨XF*⟩ / ⟨FF*⟩ is unbiased by noise in
+the motion and biased low by noise in the force. H2 = ⟨XX*⟩ / ⟨FX*⟩ is unbiased by noise in the
+force and biased high by noise in the motion. Hv, between them, has the magnitude
 √(⟨XX*⟩ / ⟨FF*⟩). The coherence γ² = H1 / H2 is the share of the motion that the force explains
 (Bendat and Piersol, Random Data, chapters 6 and 9).
 
-Over n independent segments, H1 is a regression: the variance of either part, relative to |H1|², is
-v = (1 − γ²) / (2 (n − 1) γ²). H2 is the inverse of the regression of the force on the motion, so v
-relative to |H2|², which is larger. The phase of Hv is theirs, its size varies by γ² v only: on
-average over both parts it is (1 + γ²) v / 2. These are variances about what each estimator tends
-to, noise's share of it included.
+Over n independent segments, H1 is a regression: the variance of its real or imaginary part,
+relative to |H1|², is v = (1 − γ²) / (2 (n − 1) γ²). H2 is the inverse of the regression of the
+force on the motion; its variance is v relative to |H2|², which is larger. Hv has the phase of both,
+and its magnitude varies by γ² v only: the mean over both parts is (1 + γ²) v / 2. All variances are
+about the expectation of each estimator, its bias by noise included.
 
 The spectrum of a Hann window adds a sixth of each line's power to either neighbour, which blurs
-narrow resonances. That can be undone in estimates, though only roughly and at the cost of noise: it
-tells by how much they are blurred.
+narrow resonances. A rough and noisy deconvolution serves to estimate the size of this bias.
 """
 
 from collections.abc import Sequence
@@ -35,22 +34,22 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables, split_complex
 
 ESTIMATORS = ("H1", "H2", "Hv")
-HANN_SHARE = 1 / 6  # of a line's power that a Hann window adds to each neighbour
-#: Square of a blur that is estimated where there is only noise, over the variance of either part of
-#: the receptance: twice the mean of (1 − 1/k)² S over all θ, with k = 2/3 + cos θ / 3 of the window
-#: and S = 1 + 8/9 cos θ + cos 2θ / 18 of the noise of lines that overlap
+HANN_SHARE = 1 / 6  # share of a line's power that a Hann window adds to each neighbour
+#: Square of the blur estimated from noise alone, over the variance of either part of the
+#: receptance: twice the mean of (1 − 1/k)² S over all θ, with k = 2/3 + cos θ / 3 of the window
+#: and S = 1 + 8/9 cos θ + cos 2θ / 18 of the noise of overlapping lines
 BLUR_BY_NOISE = 0.62
-RECORDING_PARTS = 8  # into which a recording is cut
-MAX_FORCE_RATE_RATIO = 8  # times the frames' rate at which a force is sampled
-REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
-GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
-MIN_PERIODS = 8  # periods of the lowest frequency that a recording has
+RECORDING_PARTS = 8  # segment lengths of noise per recording by default, and parts for ringing
+MAX_FORCE_RATE_RATIO = 8  # largest sample rate of the force over that of the motion
+REPEATED_AFTER = 5  # frames after which gaps are inserted again: by then, most gaps have ended
+GAP_LINES = 25  # lines over which a power is averaged, for a relative error of a fifth
+MIN_PERIODS = 8  # fewest periods of the lowest frequency in a recording
 VARIABLES = read_variables(__file__, "response")
 
 
 @dataclass(frozen=True)
 class Cut:
-    """How a recording is cut into segments."""
+    """Division of a recording into segments."""
 
     rate: float  #: Samples per second of the motion, Hz
     length: int  #: Samples of it in a segment, even
@@ -63,7 +62,7 @@ class Cut:
 
     @property
     def averages(self) -> float:
-        """Return the number of independent segments with the same information (Welch 1967)."""
+        """Return the equivalent number of independent segments (Welch 1967)."""
         w = scipy.signal.get_window(self.window, self.length)
         like = float(np.sum(w[self.length // 2 :] * w[: self.length // 2]) / np.sum(w**2)) ** 2
         return self.count / (1 + 2 * (1 - 1 / self.count) * like)
@@ -75,22 +74,22 @@ class Cut:
 
 
 def cut_of(samples: int, rate: float, seconds: float | None) -> Cut:
-    """Return the segments of at most so many seconds; None takes the whole as one."""
+    """Divide a recording into segments of at most `seconds`; None: one segment."""
     whole = samples // 2 * 2
     length = whole if seconds is None else max(min(round(seconds * rate / 2) * 2, whole), 4)
     return Cut(rate, length, 1 + (samples - length) // (length // 2) if length < whole else 1)
 
 
 def segment_spectra(values: Array, cut: Cut, finer: int = 1) -> ComplexArray:
-    """Return spectra of segments of (samples · finer, series): (lines, segments, series).
+    """Compute spectra of segments of (samples · finer, series): (lines, segments, series).
 
-    `finer` samples stand for one of the motion's: lines are the same for all. Amplitudes are those
-    of densities, so that a mean of squares is a power in units²/Hz.
+    There are `finer` samples for each one of the motion, and the lines of the motion are returned.
+    A mean of squared amplitudes is a power density in units²/Hz.
     """
     length = cut.length * finer
     window = scipy.signal.get_window(cut.window, length)
     made = scipy.signal.ShortTimeFFT(window, length // 2, cut.rate * finer, scale_to="psd")
-    first = -(-length // 2 // made.hop)  # the first slice that is inside, and its middle
+    first = -(-length // 2 // made.hop)  # the first slice that is entirely inside
     found = made.stft_detrend(values, "constant", p0=first, p1=first + cut.count, axis=0)
     lines = cut.length // 2 + 1
     one_sided = np.sqrt(2)
@@ -102,10 +101,10 @@ def receptance_of_segments(
 ) -> dict[str, Array]:
     """Estimate receptance and mobility from spectra of segments, under names of :data:`VARIABLES`.
 
-    Those of the force are (lines, segments) in N/√Hz; of the motion (lines, segments, markers) in
-    m/√Hz, NaN in segments in which a marker is lost. `noise`, (markers,) or (lines, markers), is
-    the power of the noise in the motion in m²/Hz, from which one segment has its error. Of one
-    segment the coherence is one throughout.
+    Spectra of the force are (lines, segments) in N/√Hz; those of the motion (lines, segments,
+    markers) in m/√Hz, NaN in segments in which a marker is lost. `noise`, (markers,) or (lines,
+    markers), is the noise power of the motion in m²/Hz, which determines the standard error if
+    there is only one segment. The coherence of one segment is 1.
     """
     known = np.isfinite(moved).all(axis=0)  # (segments, markers)
     X = np.where(known, moved, 0.0)
@@ -141,10 +140,10 @@ def receptance_of_segments(
 
 
 def estimate_blur(receptance: ComplexArray) -> ComplexArray:
-    """Estimate by how much segments with a Hann window blur H1, H2 and Hv, (3, lines, markers).
+    """Estimate the bias of H1, H2 and Hv by a Hann window, (3, lines, markers).
 
-    From H1, (lines, markers), the receptance is sharpened, and from that it is computed what the
-    window makes of each estimator, for a force whose power is even.
+    H1, (lines, markers), is deconvolved. Each estimator is then computed with the window from the
+    result, for a force of constant power over frequency.
     """
     bands = np.tile([[HANN_SHARE], [1 - 2 * HANN_SHARE], [HANN_SHARE]], len(receptance))
     bands[1, [0, -1]] += HANN_SHARE
@@ -160,14 +159,14 @@ def estimate_blur(receptance: ComplexArray) -> ComplexArray:
 def estimate_response(
     manifest: Manifest, recordings: Sequence[Recording], folder: Path
 ) -> xr.Dataset:
-    """Return the motion of every marker over the force.
+    """Estimate receptance and mobility of every marker, with the time histories.
 
     Raises
     ------
     ForceError
-        If the force cannot be used; one line that says what would do.
+        If the force cannot be used; the one-line message names a remedy.
     ChainError
-        If the markers at rest do not fit their places.
+        If the markers at rest do not fit their nominal positions.
     """
     given, excitation = manifest.force, manifest.excitation
     assert given is not None
@@ -176,7 +175,7 @@ def estimate_response(
     sought = excitation.modes
     most = min(sought.to_hz or np.inf, signals.MAX_REPORTED_RATIO * slowest)
     recordings, lag, pace = signals.in_step(recordings, rest, (sought.from_hz, most))
-    delays = np.array([own.delay for own in recordings]) - lag  # of sounds, not of images
+    delays = np.array([own.delay for own in recordings]) - lag  # audio-based: without image lags
     force = signals.read_force(manifest, folder, delays, [own.pace for own in recordings])
     filmed = signals.span_of(recordings)
     low, high = _band(manifest, force, slowest)
@@ -206,7 +205,7 @@ def estimate_response(
     if cut.count == 1 and any(np.isnan(own.centres).any() for own in recordings):
         again = signals.estimate_deflections(recordings, rest, times, REPEATED_AFTER)
         checked = np.where(np.isnan(again), np.nan, moved)
-        # The error by gaps: the change where the same gaps are made again some frames later.
+        # The error by gaps is the change when the same gaps are inserted some frames later.
         power = np.abs(segment_spectra(again - moved, cut)[:, 0]) ** 2
         noise = noise + scipy.ndimage.uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest")
     unknown = np.isnan(checked).mean(axis=0)
@@ -238,7 +237,7 @@ def estimate_response(
         "unknown": unknown,
         "camera_lag": lag,
         "camera_pace": pace,
-        "beyond": float(power[f > slowest / 2].sum() / power.sum()),  # where frames show aliases
+        "beyond": float(power[f > slowest / 2].sum() / power.sum()),  # power that is aliased
         "ringing": parts[-1] / max(parts),
         "noise": np.sqrt(still_noise * rate / 2),
         "filmed": filmed,
@@ -254,12 +253,12 @@ def estimate_response(
     }
     attrs = {"force_source": force.source}
     data = xr.Dataset(label_values(values, VARIABLES), attrs=attrs)
-    data = data[[*VARIABLES]]  # in this order in files, too
+    data = data[[*VARIABLES]]  # sets the order in files
     return data.sel(frequency=slice(low, high))
 
 
 def _band(manifest: Manifest, force: signals.RecordedForce, slowest: float) -> tuple[float, float]:
-    """Return the reported frequencies, Hz; refuse those that frames or force do not resolve."""
+    """Return the reported frequency band, Hz; refuse one that frames or force do not resolve."""
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
     lowest, most = sought.from_hz, signals.MAX_REPORTED_RATIO * slowest
@@ -281,10 +280,10 @@ def _band(manifest: Manifest, force: signals.RecordedForce, slowest: float) -> t
 
 
 def wanted_interval(manifest: Manifest, filmed: tuple[float, float]) -> tuple[float, float]:
-    """Return from when to when motion over force is wanted, s: the steady part, or all.
+    """Return begin and end of the interval for the response, s: the steady-state one, or all.
 
-    That of a decay is where its modes are fitted, after the impact, without which there is no
-    motion over a force.
+    For a free decay it is the whole recording, since the steady-state interval, where the modes
+    are fitted, does not contain the impact.
     """
     excitation = manifest.excitation
     return filmed if excitation.behaviour.decays else excitation.steady_interval_s or filmed
@@ -293,7 +292,7 @@ def wanted_interval(manifest: Manifest, filmed: tuple[float, float]) -> tuple[fl
 def _common(
     manifest: Manifest, force: signals.RecordedForce, filmed: tuple[float, float], low: float
 ) -> tuple[float, float]:
-    """Return from when to when all cameras and the force were recorded, s."""
+    """Return begin and end of the wanted interval that cameras and force have in common, s."""
     first, last = wanted = wanted_interval(manifest, filmed)
     told = "the cameras recorded" if wanted == filmed else "excitation.steady_interval_s is"
     begin = max(first, filmed[0], float(force.times[0]))

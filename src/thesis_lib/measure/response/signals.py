@@ -1,19 +1,20 @@
-"""Force and deflections of a response over time, on the first camera's clock.
+"""Compute force and deflections over time, on the first camera's clock.
 
-The force is read as it was recorded, and checked.
+The recorded force is read and checked.
 
-Deflections are those of all markers at common times: each camera's centres are brought there from
-its own time stamps, rows of a rolling shutter and exposure, then triangulated, instant by instant.
+Deflections of all markers are estimated at common times: each camera's centres are interpolated
+from its time stamps, with corrections for rolling shutter and exposure, then triangulated, instant
+by instant.
 
-Cameras take frames at times of their own, some of them unevenly, each as a mean over its exposure.
-Of a signal that holds all frequencies up to a limit with like power, the best linear estimate at a
-time t from samples y at tᵢ is sᵀ S⁻¹ y, where S is the covariance of the samples among each other
-and s that with the value at t (Wiener): the mean of cos 2πf(tᵢ − tⱼ) over the band, times
-sinc fT for every exposure of T that is in it. So the exposure's loss is undone, too.
+Cameras take frames at separate, sometimes uneven times, each as a mean over its exposure. For a
+signal of constant power up to a frequency limit, the best linear estimate at a time t from samples
+y at tᵢ is sᵀ S⁻¹ y, where S is the covariance matrix of the samples and s their covariance with the
+value at t (Wiener): the mean of cos 2πf(tᵢ − tⱼ) over the band, times sinc fT for every exposure T
+involved. This also corrects the loss by exposure.
 
-Along the normal every camera sees the same motion. Where one's times are wrong by δ, the
-cross-spectrum of what it and the first one see has the phase ωδ: it tells δ in each of some
-windows, and a line through these how much faster a clock runs.
+All cameras see the same motion along the normal. If the times of one camera are wrong by δ, its
+cross-spectrum with the first camera has the phase ωδ. This yields δ in each of several windows, and
+a line through these yields the clock's rate.
 """
 
 from collections.abc import Iterable, Sequence
@@ -33,30 +34,30 @@ from thesis_lib.measure.synchronisation import audio, drift
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
 
-# Of the largest power of a segment; weaker ones are before or after the sweep
+# Of the power of the strongest segment; weaker segments are before or after the sweep
 MIN_SEGMENT_POWER_RATIO = 0.03
-SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is sought
-FORCE_RATE_RATIO = 10  # times the frame rate to which a fast recording of a force is reduced
+SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is estimated
+FORCE_RATE_RATIO = 10  # sample rate to which a fast force recording is reduced, over the frame rate
 MIN_CLIPPED_SAMPLES = 3  # samples at full scale from which on a force counts as clipped
-NEAR_SAMPLES = 24  # samples that an estimate rests on
-MAX_SIGNAL_RATIO = 0.45  # of the rate, up to which the signal is taken to reach
-# Of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
+NEAR_SAMPLES = 24  # samples used for one estimate
+MAX_SIGNAL_RATIO = 0.45  # assumed highest frequency of the signal, over the sample rate
+# Highest frequency of accurate estimates over the rate: error 1 % of the amplitude, mostly less
 MAX_REPORTED_RATIO = 0.4
-OUT_OF_BAND_POWER_RATIO = 1e-6  # power beside the band over that in it
+OUT_OF_BAND_POWER_RATIO = 1e-6  # assumed power outside the band over that in it
 QUADRATURE_NODES = 28  # of the quadrature over the band
-CHUNK_TIMES = 512  # times at once
-SAME_TIME_S = 1e-9  # s up to which two times are the same
-# Of the next marker's distance that a marker may seem to move along the surface
+CHUNK_TIMES = 512  # times per step
+SAME_TIME_S = 1e-9  # difference in s up to which two times are the same
+# Largest apparent motion of a marker along the surface over the distance of its neighbour
 MAX_SURFACE_SHIFT_RATIO = 0.25
-MAX_WINDOWS = 8  # at most, over the recording
-MIN_WINDOW_S, MAX_WINDOW_S = 2.0, 16.0  # s that a window has at least, and at most
-MAX_TIME_OFFSET_S = 0.1  # s that a camera's times may be off
-HANN_LINES = 1.5  # lines of a Hann window that tell as much as one
-TRIALS_PER_PERIOD = 8  # trial delays in a period of the highest frequency
+MAX_WINDOWS = 8  # largest number of windows in a recording
+MIN_WINDOW_S, MAX_WINDOW_S = 2.0, 16.0  # shortest and longest window in s
+MAX_TIME_OFFSET_S = 0.1  # largest error of a camera's times in s
+HANN_LINES = 1.5  # equivalent noise bandwidth of a Hann window in lines
+TRIALS_PER_PERIOD = 8  # trial delays per period of the highest frequency
 
 
 def find_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
-    """Return a sweep, with missing fields estimated from the force's strongest line over time."""
+    """Complete the missing fields of a sweep from the force's strongest line over time."""
     length = max(len(newtons) // SWEEP_SEGMENTS * 2, 16)
     made = scipy.signal.ShortTimeFFT(np.hanning(length), length // 2, rate, mfft=8 * length)
     power = np.abs(made.stft_detrend(newtons, "constant")) ** 2
@@ -76,10 +77,10 @@ class RecordedForce:
 
     times: Array  #: On the first camera's clock, s, shape (samples,)
     newtons: Array  #: N, shape (samples,)
-    delay: float  #: When the file begins, s
-    delay_deviation: float  #: Its standard error, s; 0 if it was given
-    pace: float  #: Seconds of the first camera's clock for one of the file's
-    source: str  #: Which columns of a table, or which channel, it is
+    delay: float  #: Start of the file, s
+    delay_deviation: float  #: Its standard error, s; 0 if given or if the file is a camera's video
+    pace: float  #: Seconds of the first camera's clock per second of the file's
+    source: str  #: File, and columns of its table or its channel
 
     @property
     def rate(self) -> float:
@@ -90,17 +91,17 @@ class RecordedForce:
 def read_force(
     manifest: Manifest, folder: Path, delays: Array, paces: Sequence[float] = ()
 ) -> RecordedForce:
-    """Return the force of a manifest that has one.
+    """Read the force file of a manifest, and place it on the first camera's clock.
 
-    `delays` are when each camera started, on the first one's clock, s; `paces` are seconds of the
-    first camera's clock for one of each camera's, one if there are none.
+    `delays` are the starts of the cameras on the first one's clock, s; `paces` are seconds of the
+    first camera's clock per second of each camera's, by default 1.
 
     Raises
     ------
     ForceError
-        If it is silent, clipped, no table of numbers, or no sound tells when it began.
+        If it is silent, clipped, no table of numbers, or its start cannot be found by sound.
     MediaError
-        If the file is none that can be read.
+        If the file cannot be read.
     """
     given = manifest.force
     assert given is not None
@@ -121,9 +122,9 @@ def read_force(
 
 
 def _reduce_table(times: Array, newtons: Array, wanted: float) -> tuple[Array, Array]:
-    """Low-pass a table's forces in N to the lowest rate above one in Hz, as a sound's are.
+    """Low-pass a table's forces in N to the lowest rate above `wanted` in Hz.
 
-    Beyond its ends they count as constant, so that a tap at its start is kept.
+    They are extended by constants at both ends, so that an impact at the start is not lost.
     """
     rate = (len(times) - 1) / float(times[-1] - times[0])
     low = audio.common_rate([rate], wanted)
@@ -136,7 +137,7 @@ def _reduce_table(times: Array, newtons: Array, wanted: float) -> tuple[Array, A
 
 
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
-    """Read times in s and forces in N of a sound file, at the lowest rate above one in Hz."""
+    """Read times in s and forces in N of a sound file, at the lowest rate above `wanted` in Hz."""
     assert given.full_scale_n is not None
     track = audio.AudioSource("the force", path, given.channel).probe()
     if track.clipped >= MIN_CLIPPED_SAMPLES:
@@ -153,7 +154,7 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
 def _find_clock(
     manifest: Manifest, given: Force, folder: Path, delays: Array, paces: Iterable[float]
 ) -> tuple[float, float, float]:
-    """Return delay, its error and pace: as given, of the camera whose sound it is, or by sound."""
+    """Return delay, standard error and pace: as given, of a camera's own file, or by sound."""
     if given.offset_s is not None:
         return given.offset_s, 0.0, 1.0
     path, first = folder / given.file, manifest.cameras[0]
@@ -173,7 +174,7 @@ def _find_clock(
     if not np.isfinite(found.delay_deviation):
         return found.delay, 1 / drift.COMPARED_RATE_HZ, 1.0
     pace = 1 - found.drift if abs(found.drift) > 2 * found.drift_deviation else 1.0
-    middle = float(found.times.mean())  # where the line is best known
+    middle = float(found.times.mean())  # where the line is most precise
     return found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace
 
 
@@ -185,12 +186,12 @@ def at_times(
     late: Array | float = 0.0,
     exposure: float = 0.0,
 ) -> Array:
-    """Return the values (times, series) of series of a limited band at wanted times in s.
+    """Interpolate band-limited series at wanted times in s, shape (times, series).
 
-    The samples (samples, series), at times in order, s, are about a mean of zero, NaN where one is
-    missing; there are `rate` in a second, in the mean. Each series was sampled by `late`, in s,
-    later than `times`; a sample is the mean over an exposure in s. A value is NaN where less than
-    half of the samples around are there, or none on one side.
+    The samples `values` (samples, series), at increasing `times` in s, have a mean of zero and are
+    NaN where missing; `rate` is their mean rate in Hz. Each series was sampled by `late`, in s,
+    later than `times`; a sample is the mean over an exposure in s. A value is NaN where fewer than
+    half of the near samples are known, or none on one side.
     """
     few, weights = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
     f, w = MAX_SIGNAL_RATIO * rate * (few + 1) / 2, weights / 2
@@ -220,9 +221,9 @@ def at_times(
 def _mend(
     part: Array, S: Array, s: Array, taken: Array, known: Mask, apart: Array, shift: Array
 ) -> Array:
-    """Return the estimates, repeated where samples are missing.
+    """Estimate values again from the known samples where samples are missing.
 
-    Samples are `apart` (times, near) from the time of the estimate, plus `shift` (series,), in s.
+    Samples are `apart` (times, near) plus `shift` (series,) in s after the time of the estimate.
     """
     near, found = known.shape[1], part.copy()
     t, k = np.nonzero(~known.all(axis=1))
@@ -242,7 +243,7 @@ def _mend(
 
 
 def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
-    """Return from when to when all cameras see all rows, s."""
+    """Return begin and end of the interval in which all cameras have all rows, s."""
     pads = [1 / own.rate + abs(own.readout) / 2 for own in recordings]
     ends = [
         (own.times[0] + pad, own.times[-1] - pad) for own, pad in zip(recordings, pads, strict=True)
@@ -253,13 +254,13 @@ def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
 def estimate_deflections(
     recordings: Sequence[Recording], rest: Rest, times: Array, repeated: int = 0
 ) -> Array:
-    """Return the deflections along the structure's normal at some times, m, shape (times, markers).
+    """Compute the deflections along the structure's normal at `times`, m, shape (times, markers).
 
     NaN where fewer than two cameras see a marker, and where it seems to move along the surface: a
-    camera has then taken it for its neighbour. `repeated` is that of :func:`undistorted_images`.
+    camera then mistook it for its neighbour. `repeated` is that of :func:`undistorted_images`.
     """
     P = pinhole.projection_matrices([own.camera for own in recordings])
-    off = rest.images - pinhole.project(P, rest.points)  # what the cameras disagree by at rest
+    off = rest.images - pinhole.project(P, rest.points)  # reprojection errors at rest
     still = rest.frame.to_beam(rest.points)
     nearest, _ = scipy.spatial.KDTree(rest.places.T).query(rest.places.T, k=2)
     aside = MAX_SURFACE_SHIFT_RATIO * nearest[:, 1]
@@ -278,9 +279,9 @@ def estimate_deflections(
 
 
 def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 0) -> Array:
-    """Return a camera's images at some times without distortion, px, shape (2, times, markers).
+    """Interpolate a camera's undistorted centres at given times, px, shape (2, times, markers).
 
-    If `repeated`, gaps are filled, and the same gaps are made so many frames later.
+    If `repeated`, gaps are filled, and the same gaps are inserted so many frames later.
     """
     pad = (NEAR_SAMPLES + 1) / own.rate + abs(own.readout)
     first, last = own.between(at[0] - pad, at[-1] + pad)
@@ -288,7 +289,7 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
     uv, times = pinhole.undistort_tracks(own.camera, seen) - still, own.times[first:last]
     series = uv.reshape(len(uv), -1)
     gaps = np.isnan(series).any(axis=0)
-    filled = series.copy()  # gaps, where they are short
+    filled = series.copy()  # short gaps are filled
     if gaps.any():
         found = at_times(times, series[:, gaps], own.rate, times)
         filled[:, gaps] = np.where(np.isnan(series[:, gaps]), found, series[:, gaps])
@@ -298,7 +299,7 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
         lost[repeated:] = np.isnan(uv)[:-repeated]
         uv = np.where(lost, np.nan, full)
     late = np.nan_to_num(harmonics.row_delays(own, still))
-    later = own.readout * full[:, 1] / height  # since the marker has moved across rows
+    later = own.readout * full[:, 1] / height  # delay by motion of the marker across rows
     uv = uv - np.nan_to_num(np.gradient(full, times, axis=0) * later[:, None])
     both = uv.reshape(len(uv), -1)
     found = at_times(times, both, own.rate, at, np.tile(late, 2), own.exposure)
@@ -306,9 +307,9 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
 
 
 def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
-    """Return noise power in a band in Hz, m²/Hz, (markers,), at rest (times, markers).
+    """Estimate the noise power in a band in Hz, m²/Hz, (markers,), from deflections at rest.
 
-    NaN where the rest is too short to tell.
+    `still` is (times, markers). NaN if the rest interval is too short or a marker is lost in it.
     """
     f, power = scipy.signal.welch(np.nan_to_num(still), rate, axis=0, nperseg=len(still))
     inside = (f >= band[0]) & (f <= band[1])
@@ -321,11 +322,11 @@ def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
 def in_step(
     recordings: Sequence[Recording], rest: Rest, band: tuple[float, float]
 ) -> tuple[list[Recording], Array, Array]:
-    """Return the recordings with the first camera's clock, and what was corrected, (cameras,).
+    """Convert the recordings to the first camera's clock; return them and the corrections.
 
-    That is how much later than was thought each camera started, s, and how much faster than the
-    first camera's each clock runs; 0 where not certain. Only frequencies of the band in Hz are
-    looked at.
+    The corrections (cameras,) are how much later than assumed each camera started, s, and the
+    relative excess of its clock rate over the first camera's, 0 if not significant. They are
+    estimated from frequencies in the band in Hz.
     """
     span = span_of(recordings)
     rate, seconds = max(own.rate for own in recordings), span[1] - span[0]
@@ -337,7 +338,7 @@ def in_step(
     slopes = np.einsum("cikn,k->cin", triangulation.image_jacobian(P, rest.points), rest.frame.R[2])
     for k, middle in enumerate(middles):
         at = middle + np.arange(-int(length * rate / 2), int(length * rate / 2)) / rate
-        seen = []  # deflections along the normal by each camera alone, m, (times, markers)
+        seen = []  # deflections along the normal from each camera alone, m, (times, markers)
         for own, still, slope in zip(recordings, rest.images, slopes, strict=True):
             moved = undistorted_images(own, still, at) - still[:, None]
             seen.append(np.einsum("itn,in->tn", moved, slope / np.sum(slope**2, axis=0)))
@@ -357,7 +358,7 @@ def in_step(
 def _late(
     one: Array, other: Array, rate: float, band: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """Return by how much another camera's times are too early, the standard error, and when, s."""
+    """Return how much too early another camera's times are, the standard error, and when, s."""
     known = np.isfinite(one).all(axis=0) & np.isfinite(other).all(axis=0)
     window = np.hanning(len(one))[:, None]
     parts = [window * (own - own.mean(axis=0))[:, known] for own in (one, other)]
@@ -384,7 +385,7 @@ def _late(
 def _line(
     times: Array, late: Array, error: Array, seconds: float, highest: float
 ) -> tuple[float, float]:
-    """Fit a line through delays; return its value at 0 s and slope, 0 where that is not certain."""
+    """Fit a line to delays; return its value at 0 s and its slope, each 0 if not significant."""
     there = np.isfinite(error) & (error > 0)
     fit, found = times[there], (0.0, 0.0)
     for order in (0, 1):

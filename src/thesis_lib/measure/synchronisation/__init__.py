@@ -1,1 +1,1 @@
-"""Sound tracks to the delays of cameras."""
+"""Estimate the delays of cameras from their sound tracks."""

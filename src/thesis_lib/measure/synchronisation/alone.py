@@ -1,4 +1,4 @@
-"""Videos and sounds of one event, put on one clock by what they heard: a table and a figure."""
+"""Put videos and audio files of one event on one clock by their sound (``thesis sync``)."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,28 +17,28 @@ from thesis_lib.measure.synchronisation.listen import load_audio
 from thesis_lib.plotting.style import cycle_color, drawable_names, in_style, save_figure, subplots
 from thesis_lib.web.html import render_lines
 
-ENVELOPE_POINTS = 1500  # points of an envelope
-MIN_AGREED_SHARE = 0.9  # share of the windows below which it is said that they do not agree
+ENVELOPE_POINTS = 1500  # points of a plotted envelope
+MIN_AGREED_SHARE = 0.9  # share of agreeing windows below which the report warns
 
 
 def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
-    """Return starts and clocks of all videos but the first, relative to it, and the names of all.
+    """Estimate starts and clock rates relative to the first video; return them and all names.
 
     Parameters
     ----------
     videos : sequence of Path
-        Two or more videos with sound, or sounds alone.
+        Two or more videos with sound, or audio files.
 
     Raises
     ------
     MediaError, SynchronisationError
-        If a file has no whole sound, or its sound is unlike the first one's.
+        If a file's sound is missing or damaged, or does not match that of the first file.
     """
     names = [video.stem for video in videos]
     if len(set(names)) < len(names):
         names = [str(video) for video in videos]
     recordings = [AudioSource(*one) for one in zip(names, videos, strict=True)]
-    load_audio(recordings, None)  # it refuses
+    load_audio(recordings, None)  # raises an error for unusable sound
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
@@ -49,7 +49,7 @@ def _round_to(value: float, std: float, sign: str = "+") -> str:
 
 
 def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
-    """Write ``sync.csv`` and ``sync.png`` into a folder; return what they say in sentences."""
+    """Write ``sync.csv`` and ``sync.png`` into a folder; return the results as sentences."""
     check_outputs(out, [out / "sync.csv", out / "sync.png"])
     drifts, names = synchronise_videos(videos)
     rates = (probe_media(video).frame_rate for video in videos if start_of_film(video) is not None)
@@ -81,19 +81,19 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         least_agreement=MIN_AGREED_SHARE,
     )
     for video, name in zip(videos, names, strict=True):
-        if source := probe_audio(video).source:  # not all channels, or not at the stated pace
+        if source := probe_audio(video).source:  # not all channels, or not at the stated rate
             found.append(f"{name}'s sound: {source}")
     return found
 
 
 def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[str]) -> Figure:
-    """Draw loudness on the first video's clock, one above the other, and windows' delays."""
+    """Plot sound envelopes on the first video's clock, and the delays of the windows."""
     shown = drawable_names(names, "video")
     with in_style():
         figure, (top, low) = subplots(2, 1, figsize=(7.6, 5.2), layout="constrained")
         for k, video in enumerate(videos):
             sound, rate, start = read_audio(video)
-            step = max(len(sound) // ENVELOPE_POINTS, 1)  # the largest sound in each is drawn
+            step = max(len(sound) // ENVELOPE_POINTS, 1)  # the maximum over each step is plotted
             loud = np.abs(sound[: len(sound) // step * step]).reshape(-1, step).max(axis=1)
             times = start + (np.arange(len(loud)) + 0.5) * step / rate
             loud = loud / max(float(loud.max()), 1e-12)

@@ -1,4 +1,4 @@
-"""Sounds of any length, reduced block by block to the lower sample rates at which they are held."""
+"""Decimate and resample sound of any length block by block."""
 
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,13 +14,13 @@ from thesis_lib.measure.recordings.audio import AudioTrack, probe_audio
 
 Track = NDArray[np.float32]
 
-SPAN_SAMPLES = 1 << 21  # samples of each camera that are correlated at once
-MAX_CLIPPED_SHARE = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
-TAP_PHASES = 512  # of a sample at which the resampler's taps are tabulated: -105 dB between them
-FILTER_REACH_SAMPLES = 10  # samples that the low-pass reaches to either side
-KAISER_BETA = 5.0  # shape of the low-pass's window: 50 dB beyond its edge
-RESAMPLED_SAMPLES = 1 << 13  # samples that are resampled at once
-FILTERED_SAMPLES = 1 << 17  # samples that are filtered at once
+SPAN_SAMPLES = 1 << 21  # samples of each camera per correlation
+MAX_CLIPPED_SHARE = 0.02  # largest accepted share of clipped samples; a full-scale sine has 0.009
+TAP_PHASES = 512  # tabulated sub-sample positions of the resampler's taps: error -105 dB
+FILTER_REACH_SAMPLES = 10  # half length of the low-pass in samples of the low rate
+KAISER_BETA = 5.0  # of the low-pass's window: 50 dB stop-band attenuation
+RESAMPLED_SAMPLES = 1 << 13  # samples per resampling step
+FILTERED_SAMPLES = 1 << 17  # samples per filtering step
 
 
 class SynchronisationError(ValueError):
@@ -29,19 +29,19 @@ class SynchronisationError(ValueError):
 
 @dataclass(frozen=True)
 class AudioSource:
-    """A file with sound, mostly a camera's."""
+    """A file with sound, usually a camera's video."""
 
-    name: str  #: Of the camera, for errors
+    name: str  #: Camera name, for error messages
     path: Path  #: The file
-    channel: int | None = None  #: Which channel counts, the first is 1; None: all of them, mixed
+    channel: int | None = None  #: Number from 1; None: all channels that hold sound, mixed
 
     def probe(self) -> AudioTrack:
-        """Return the file's sound, whose samples are not yet read."""
+        """Return the file's sound track, whose samples are not yet read."""
         return probe_audio(self.path, self.channel)
 
 
 def check_sound(sound: AudioTrack, shortest: float, name: str) -> None:
-    """Refuse a sound that is shorter than a length in s, silent or clipped, by its name."""
+    """Refuse a sound that is silent, clipped or shorter than `shortest` s; errors name `name`."""
     if not sound.samples or sound.samples < shortest * sound.rate:
         raise SynchronisationError(
             f"{name}: {sound.samples / sound.rate:.3f} s of audio, allowed: at least "
@@ -58,7 +58,7 @@ def check_sound(sound: AudioTrack, shortest: float, name: str) -> None:
 
 
 def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
-    """Yield samples `first` to `last` of a signal in blocks; later samples are not read."""
+    """Yield samples `first` to `last` of a signal in blocks, without reading later samples."""
     count = 0
     for block in blocks:
         yield block[max(first - count, 0) : max(last - count, 0)]
@@ -68,14 +68,14 @@ def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
 
 
 def join_blocks(blocks: Iterable[Array]) -> Track:
-    """Return a signal that comes in blocks as a whole, in single precision."""
+    """Concatenate the blocks of a signal in single precision."""
     return np.concatenate([np.empty(0, np.float32), *(np.float32(block) for block in blocks)])
 
 
 class Sounds:
-    """Sounds of recordings, which are read at the lowest common rate above one in Hz.
+    """Sounds of recordings, read at the lowest common rate above `wanted` in Hz.
 
-    Time counts by time stamps, or from the first samples on by the rates that the files state.
+    Times follow the time stamps, or, if `stated`, start at 0 with the rates stated in the files.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Sounds:
         self.tracks = [recording.probe() for recording in recordings]
         self.rates = [one.stated_rate if stated else one.rate for one in self.tracks]
         self.low = common_rate(self.rates, wanted)
-        #: When the first samples at that rate come, s
+        #: Times of the first samples at the common rate, s
         self.starts = [(0.0 if stated else one.start) + self.low.cut for one in self.tracks]
 
     def blocks(self, k: int) -> Iterator[Array]:
@@ -99,8 +99,8 @@ class Sounds:
 def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
     """Low-pass a signal in blocks (samples,), and yield every `step`-th sample.
 
-    The result is that of the whole signal, however it is divided: an FIR low-pass without delay,
-    whose result is kept where it does not reach beyond the signal's ends. So the first sample lies
+    The result does not depend on the blocks: a zero-phase FIR low-pass, evaluated only where it
+    does not reach beyond the signal's ends. The first sample thus lies
     `FILTER_REACH_SAMPLES` · `step` samples after that of the signal.
     """
     if step == 1:
@@ -113,7 +113,7 @@ def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
         held = np.concatenate([held, block])
         count = (len(held) - len(taps)) // step + 1
         if count > 0:
-            # Taps and samples in rows of `step`: products of matrices are the fastest sums.
+            # Taps and samples in rows of `step`: matrix products compute these sums fastest.
             rows = held[: (count + 2 * FILTER_REACH_SAMPLES - 1) * step].reshape(-1, step)
             sums = rows @ taps[:-1].reshape(-1, step).T
             kept = taps[-1] * held[2 * FILTER_REACH_SAMPLES * step :: step][:count]
@@ -126,8 +126,8 @@ def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
 def decimate_signal(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, float]:
     """Low-pass a signal to the lowest rate above `wanted`; return it and that rate in Hz.
 
-    Where the filter reaches beyond its ends the signal is cut: it starts later, but that of all
-    recordings alike, which leaves their delays.
+    The signal is cut where the filter would reach beyond its ends. All recordings then start later
+    by the same time, which does not change their delays.
     """
     x, low = np.asarray(signal), common_rate([rate], wanted)
     if low.rate == rate:
@@ -138,13 +138,13 @@ def decimate_signal(signal: ArrayLike, rate: float, wanted: float) -> tuple[Sign
 
 @dataclass(frozen=True)
 class LowRate:
-    """A sample rate that several signals of their own rates are reduced to, and when they begin."""
+    """A common sample rate to which signals of different rates are reduced."""
 
-    rate: float  #: In Hz, not above any of the signals' own
-    cut: float  #: Time of its first sample after the first one of each signal, s
+    rate: float  #: In Hz, not above that of any signal
+    cut: float  #: Time from a signal's first sample to the first reduced sample, s
 
     def reduce(self, blocks: Iterable[Array], rate: float) -> Iterator[Array]:
-        """Reduce a signal in blocks, of a rate in Hz, to this rate."""
+        """Reduce a signal in blocks from a rate in Hz to the common rate."""
         ratio = rate / self.rate
         step = round(ratio)
         if abs(ratio - step) < 1e-12 * step and (step > 1) == (self.cut > 0):
@@ -153,14 +153,14 @@ class LowRate:
 
 
 def common_rate(rates: Sequence[float], wanted: float) -> LowRate:
-    """Return the lowest rate above `wanted` in Hz that divides the lowest of some rates."""
+    """Return the lowest rate above `wanted` in Hz that divides the lowest of `rates`."""
     least = min(rates)
     rate = least / max(1, int(least // wanted))
     return LowRate(rate, FILTER_REACH_SAMPLES / rate if rate < least else 0.0)
 
 
 def _low_pass(x: Array) -> Array:
-    """Return taps (..., n) at places in samples of the low rate: a Kaiser-windowed sinc."""
+    """Return Kaiser-windowed sinc taps (..., n) at positions in samples of the low rate."""
     inside = np.clip(1 - (x / FILTER_REACH_SAMPLES) ** 2, 0, None)
     window = scipy.special.i0(KAISER_BETA * np.sqrt(inside)) / scipy.special.i0(KAISER_BETA)
     taps = np.sinc(x) * window * (np.abs(x) <= FILTER_REACH_SAMPLES)
@@ -169,17 +169,17 @@ def _low_pass(x: Array) -> Array:
 
 @cache
 def _phases(ratio: float) -> Array:
-    """Tabulate the low-pass between samples, shape (phases + 1, taps)."""
+    """Tabulate the low-pass at sub-sample positions, shape (phases + 1, taps)."""
     reach = int(np.ceil(FILTER_REACH_SAMPLES * ratio))
     shift = np.arange(TAP_PHASES + 1)[:, None] / TAP_PHASES
     return _low_pass((np.arange(-reach, reach + 2) - shift) / ratio)
 
 
 def _resample_blocks(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Array]:
-    """Low-pass a signal in blocks, and take a sample every `ratio` of its own, at any ratio.
+    """Low-pass a signal in blocks, and yield a sample every `ratio` samples, at any ratio.
 
-    As :func:`decimate_blocks` does it, with the low-pass between samples taken from a table; what
-    lies before the signal counts as 0. The first one lies at `first` samples of the signal.
+    Like :func:`decimate_blocks`, with the low-pass between samples interpolated from a table, and
+    zeros before the signal. The first sample lies at `first` samples of the signal.
     """
     table = _phases(ratio)
     reach = table.shape[1] // 2 - 1

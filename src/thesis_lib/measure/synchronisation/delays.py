@@ -1,13 +1,13 @@
-"""Delays between recordings of one signal: correlation, phase of a tone, and what does not repeat.
+"""Delays between recordings of one signal, from correlation, sine phase and transients.
 
-Recording i is xᵢ(t) = x_ref(t + delayᵢ). Correlation works at a few kHz, which keeps a clap sharp;
-the phase of a tone at tens of samples per period, which keeps it cheap. Peaks of correlation
-coefficients are found between samples.
+Recording i is xᵢ(t) = x_ref(t + delayᵢ). Signals are correlated at a few kHz, which keeps a clap
+sharp; the phase of a sine is fitted at tens of samples per period, which is cheap. Peaks of the
+correlation coefficient are interpolated between samples.
 
-A steady tone matches itself at every period, and the longer it lasts the less weighs the one moment
-that tells the periods apart: its onset, a clap, a voice. So a second look is taken at signals from
-which it has been removed and in which only what stands out against the background is left. All of
-it treats each recording by a rule that does not depend on time, and so leaves the delays.
+A steady sine matches itself at every period. The longer it lasts, the less weight has the moment
+that distinguishes the periods: its onset, a clap, a voice. A second comparison therefore removes
+the sine and all sound that does not exceed the background. Each of these steps treats a recording
+by a rule that does not depend on time, and so does not change the delays.
 """
 
 from collections.abc import Sequence
@@ -21,33 +21,33 @@ from thesis_lib.arrays import Array, ArrayLike, IntArray, Signal
 from thesis_lib.measure.synchronisation import audio, tones
 from thesis_lib.measure.synchronisation.tones import Interval
 
-MIN_ENERGY_SHARE = 1e-9  # of a signal's energy; what an overlap has below that is rounding
+MIN_ENERGY_SHARE = 1e-9  # share of a signal's energy below which an overlap's is rounding error
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
 MIN_CORRELATION = 0.3  # correlation below which two recordings have nothing in common
-MIN_PEAK_SIGMAS = 5.0  # standard deviations by which one peak must beat the other
-# Ratio of peaks from which on they are alike, as recordings never are quite
+MIN_PEAK_SIGMAS = 5.0  # standard deviations by which one peak must exceed the other
+# Peak height ratio from which on two peaks are ambiguous; recordings never match perfectly
 MAX_PEAK_RATIO = 0.9998
 ROOM_RATE = 16000  # Hz at which the sound of microphones is correlated: a clap is 5 ms
-ENERGY_SPAN_S = 0.01  # s over which the energy is averaged of what may stand out
-MIN_ONSET_RATIO = 12  # times the upper quartile's distance from the median that it must stand out
-MIN_ONSET_CORRELATION = 0.5  # correlation that what stands out must reach
-ONSET_SAME = 0.95  # ratio of peaks from which on onsets are alike
-CLAP_SAME = 0.9  # and claps
-ROOM_SAME = 0.6  # and the whole sound of a room
-FAR_ABOVE = 9.0  # times its scatter that the correlation of the whole sound must reach
-WHITENING_BINS = 1024  # of the spectrum by which a room's sound is made white
-# Samples that what is whitened starts later
+ENERGY_SPAN_S = 0.01  # s over which the energy of possible transients is averaged
+MIN_ONSET_RATIO = 12  # upper quartile minus median, times this, is the threshold of a transient
+MIN_ONSET_CORRELATION = 0.5  # smallest accepted correlation of transients
+ONSET_SAME = 0.95  # peak height ratio from which on onsets are ambiguous
+CLAP_SAME = 0.9  # likewise for claps
+ROOM_SAME = 0.6  # likewise for all sound in a room
+FAR_ABOVE = 9.0  # standard deviations of chance that the correlation of all room sound must reach
+WHITENING_BINS = 1024  # samples of a short spectrum, and taps, of the whitening filter
+# Samples by which a whitened signal starts later
 WHITENING_DELAY = WHITENING_BINS - 1 - WHITENING_BINS // 2
-SPECTRUM_PIECES = 32  # of a long sound that its spectrum is taken from
-MIN_POWER_RATIO = 1e-6  # of the highest power; what is below is left as weak as it is
+SPECTRUM_PIECES = 32  # pieces of a long sound from which its spectrum is estimated
+MIN_POWER_RATIO = 1e-6  # of the highest power; weaker lines are not amplified to the same level
 
 
 def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntArray, Array]:
-    """Return the correlation coefficient of a[j + lag] and b[j] over the j that both have.
+    """Return lags and correlation coefficients of a[j + lag] and b[j] over their overlap.
 
-    Each lag is normalised by the means and energies of its own overlap: without, the shrinking
-    overlap would pull the peak to lag zero. Lags (lags,) are in samples, up to `most`, and the
-    coefficients of the signals (samples of each,) in −1…1.
+    Each lag is normalised by the means and energies of its own overlap; otherwise the shrinking
+    overlap would pull the peak to lag zero. Lags (lags,) are in samples, up to ±`most`;
+    coefficients (lags,) are in −1…1. The signals (samples,) may differ in length.
     """
     x, y = (v - v.mean() for v in (np.asarray(a, float), np.asarray(b, float)))
     n_x, n_y = len(x), len(y)
@@ -64,13 +64,13 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
 
 
 def count_overlap(lags: ArrayLike, a: ArrayLike, b: ArrayLike) -> Array:
-    """Return how many samples a[j + lag] and b[j] have in common at some lags."""
+    """Count the samples that a[j + lag] and b[j] have in common at each lag."""
     lag = np.asarray(lags)
     return np.minimum(lag + len(np.asarray(b)), len(np.asarray(a))) - np.maximum(lag, 0)
 
 
 def _energy(x: Array, low: IntArray, high: IntArray) -> tuple[Array, Array]:
-    """Return sum, and energy about the mean, of the samples from `low` to `high`."""
+    """Return the sum and the energy about the mean of the samples from `low` to `high`."""
     sums, squares = (np.concatenate([[0], np.cumsum(part)]) for part in (x, np.square(x)))
     total = sums[high] - sums[low]
     energy = squares[high] - squares[low] - total**2 / (high - low)
@@ -78,9 +78,9 @@ def _energy(x: Array, low: IntArray, high: IntArray) -> tuple[Array, Array]:
 
 
 def interpolate_peak(lags: IntArray, c: Array, top: int) -> float:
-    """Return the lag of a peak between samples, by a polynomial through its cap.
+    """Interpolate the lag of a peak by a polynomial through the samples above 80 % of it.
 
-    A slow tone's peak is so flat that noise decides among three samples; a clap's has no more.
+    A slow sine's peak is so flat that noise would decide among three samples; a clap has no more.
     """
     below = np.flatnonzero(np.concatenate([[True], c < 0.8 * c[top], [True]])) - 1
     reach = int(min(top - below[below < top].max(), below[below > top].min() - top)) - 1
@@ -97,7 +97,7 @@ def interpolate_peak(lags: IntArray, c: Array, top: int) -> float:
 
 
 def _peak_heights(c: Array, tops: IntArray) -> Array:
-    """Return heights of peaks between samples, by a parabola through the three highest of each."""
+    """Interpolate the heights of peaks by a parabola through the three highest samples of each."""
     left, middle, right = (c[np.clip(tops + k, 0, len(c) - 1)] for k in (-1, 0, 1))
     bend = np.maximum(2 * middle - left - right, 1e-15)
     return middle + np.minimum((right - left) ** 2 / bend, bend) / 8
@@ -105,19 +105,19 @@ def _peak_heights(c: Array, tops: IntArray) -> Array:
 
 @dataclass(frozen=True)
 class Match:
-    """Where one recording lies on another: delay in s, other peaks, certainty."""
+    """Delay of one recording relative to another, with its ambiguity."""
 
     delay: float  #: s
     peak: float  #: Highest correlation
     ratio: float  #: Second highest peak over the highest
-    threshold: float  #: Ratio from which on the two cannot be told apart
+    threshold: float  #: Ratio from which on the two peaks are ambiguous
     ambiguous: bool  #: Whether the ratio reaches it; then the delay is the shortest possible one
     snr: float  #: Signal-to-noise power ratio up to half of the correlation's rate
-    least: float = MIN_CORRELATION  #: What the peak must be
+    least: float = MIN_CORRELATION  #: Smallest accepted peak correlation
 
     @property
     def certain(self) -> bool:
-        """Return whether the recordings are alike, and in one place only."""
+        """Return whether the recordings match at one delay only."""
         return not self.ambiguous and self.peak >= self.least
 
 
@@ -135,14 +135,14 @@ def _compare_signals(
     """Return the delay by the highest peak of the normalised cross-correlation, at the given rate.
 
     Where two recordings match, 1 minus their correlation is the energy of their noises over that of
-    the signal, ε; over n samples it scatters by ε √(2/n). Two peaks cannot be told apart if their
-    heights differ by less than `MIN_PEAK_SIGMAS` standard deviations of such a difference, and the
-    part of ε that the change of overlap may cause. Of such peaks the shortest delay is taken.
+    the signal, ε; over n samples it scatters by ε √(2/n). Two peaks are ambiguous if their heights
+    differ by less than `MIN_PEAK_SIGMAS` standard deviations of such a difference, plus the part of
+    ε that the change of overlap may cause. The shortest delay of ambiguous peaks is used.
 
-    `same` is the ratio of peaks from which on they are alike in any case, `by_noise` whether noise
-    lowers it, `telling` the samples n in which there is anything, if not all that overlap. Peaks
-    nearer than `least` s do not count; with `either_sign` one recording may be inverted, as
-    microphones are. At least half of the shorter recording has to overlap.
+    `same` is the height ratio from which on peaks are ambiguous in any case, `by_noise` whether
+    noise lowers it, and `telling` the number n of samples with signal (None: the overlap). Peaks
+    closer than `least` s to the highest are ignored. With `either_sign` one recording may be
+    inverted, as microphones are. At least half of the shorter recording has to overlap.
     """
     shorter, longer = sorted((len(np.asarray(a)), len(np.asarray(b))))
     least_overlap = shorter - shorter // 2
@@ -179,7 +179,7 @@ def _compare_signals(
 
 
 def _other_peaks(c: Array, best: int) -> IntArray:
-    """Return indices of peaks of half the height of the best, and a prominence of a tenth of it."""
+    """Find other peaks: at least half as high as the best, prominent by a tenth of it."""
     steps = np.diff(c, prepend=-1, append=-1)
     tops = np.flatnonzero((steps[:-1] > 0) & (steps[1:] <= 0) & (c >= 0.5 * c[best]))
     if not np.any(tops != best):  # SciPy's signals take half a second to import
@@ -192,15 +192,15 @@ def _other_peaks(c: Array, best: int) -> IntArray:
 def phase_delays(
     signals: Sequence[Signal], rate: float, frequency: float, guess: Array, steady: Interval | None
 ) -> Array:
-    """Return delays from a sine's phase, each nearest to a guess, shape (recordings,), s.
+    """Estimate delays from a sine's phase, each nearest to a guess, shape (recordings,), s.
 
-    Every recording is fitted with cos, sin and a constant over the same stretch of the signal: the
-    reference's settled part, as far as all recordings hold it, in whole periods. So what is not a
-    tone disturbs all phases alike, and a frequency that is slightly off does no harm.
+    Every recording is fitted with cos, sin and a constant over the same interval of the signal: the
+    reference's steady-state interval, as far as all recordings contain it, in whole periods. Other
+    sound thus disturbs all phases alike, and a slightly wrong frequency does no harm.
 
     The signals (samples,) have some tens of samples per period, rate and frequency are in Hz, and
     the guess (recordings,) in s is right to within half a period. `steady`, in s after the
-    reference's first sample, is used instead of its settled part.
+    reference's first sample, replaces the detected steady-state interval.
     """
     near = guess - guess[0]
     start, end = steady or tones.settle_interval(signals[0], rate, frequency)
@@ -227,12 +227,12 @@ def phase_delays(
 
 
 def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
-    """Return a signal less itself one period before, which cancels a steady tone.
+    """Remove a steady sine by subtracting the signal of one period before.
 
-    Unlike a fitted sinusoid, it needs no stretch over which the tone is steady and leaves no step
-    at its ends; it removes harmonics and offsets, too, and forgives a frequency that drifts. The
-    period need not be whole samples: two neighbours are weighted so that the tone itself is removed
-    exactly. The residual, as long as the signal (samples,) less a period, starts a period later.
+    Unlike a fitted sine, this needs no steady-state interval and leaves no step at its ends; it
+    also removes harmonics and offsets, and tolerates a frequency that drifts. The period need not
+    be whole samples: two neighbours are weighted so that the fundamental is removed exactly. The
+    residual is one period shorter than the signal (samples,), and starts one period later.
     """
     m = int(rate / frequency)
     w = 2 * np.pi * frequency / rate * np.array([m, m + 1])
@@ -246,9 +246,9 @@ def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
 def design_whitening(x: Signal, rate: float) -> Signal:
     """Design a filter that makes the background of a signal equally strong at all frequencies.
 
-    The background is the median over time of short spectra, so that hum and rumble weigh no more
-    than their share of the band and a clap stays what it is. Beyond 0.7 of the highest frequency
-    less and less is left. The taps (WHITENING_BINS,) delay by :data:`WHITENING_DELAY` samples.
+    The background is the median over time of short spectra. Hum and rumble then weigh no more than
+    their share of the band, and a clap is preserved. The gain falls to zero from 0.7 to 0.95 of the
+    Nyquist frequency. The taps (WHITENING_BINS,) delay by :data:`WHITENING_DELAY` samples.
     """
     step = len(x) // SPECTRUM_PIECES
     if step > 2 * WHITENING_BINS:
@@ -266,11 +266,11 @@ def design_whitening(x: Signal, rate: float) -> Signal:
 
 
 def _keep_transients(x: Signal, rate: float) -> tuple[Signal, int]:
-    """Return the part of a signal that is louder than its background ever gets by chance.
+    """Return the transients of a signal, 0 elsewhere, and the number of their samples.
 
-    Energies over :data:`ENERGY_SPAN_S` scatter; what counts as background is the median and, from
-    the quartile, eight standard deviations. Each sample is weighed by how much of the energy around
-    it is above. Return the signal, 0 where nothing stands out, and how many samples do.
+    The threshold is the median energy over :data:`ENERGY_SPAN_S` plus :data:`MIN_ONSET_RATIO` times
+    the upper quartile's distance from it, about eight standard deviations. Each sample is weighted
+    by the share of the energy around it that exceeds the threshold.
     """
     n = max(1, round(ENERGY_SPAN_S * rate))
     energy = scipy.ndimage.uniform_filter1d(x * x, n)
@@ -282,7 +282,7 @@ def _keep_transients(x: Signal, rate: float) -> tuple[Signal, int]:
 
 
 def _match_transients(a: Signal, b: Signal, rate: float, **how: Any) -> Match | None:
-    """Match what stands out in two signals by :func:`_compare_signals`; None if in doubt."""
+    """Match the transients of two signals by :func:`_compare_signals`; None if uncertain."""
     (loud_a, n_a), (loud_b, n_b) = (_keep_transients(x, rate) for x in (a, b))
     if not n_a or not n_b:
         return None
@@ -292,12 +292,12 @@ def _match_transients(a: Signal, b: Signal, rate: float, **how: Any) -> Match | 
 
 
 def force_match(reference: Signal, other: Signal, rate: float, frequency: float) -> Match:
-    """Return the delay between recordings (samples,) of the force's signal, at a rate in Hz.
+    """Estimate the delay between recordings (samples,) of the force signal, at a rate in Hz.
 
-    The rate is about :data:`CORRELATION_RATE`. By correlation; where that leaves doubt, by that of
-    the tone's onset, its end, or a clap: :func:`without_tone`. Peaks within half a period of the
-    highest do not count there, as the tone's phase tells between them. The tone's frequency in Hz
-    is known to within 1 %.
+    The rate is about :data:`CORRELATION_RATE`. The signals are correlated; if the result is
+    ambiguous, so are the transients after :func:`without_tone`: onset or end of the sine, or a
+    clap. Peaks within half a period of the highest are then ignored, since the sine's phase decides
+    between them. The sine's frequency in Hz is known to within 1 %.
     """
     whole = _compare_signals(reference, other, rate)
     if whole.certain or tones.MIN_SAMPLES_PER_PERIOD * frequency > rate:
@@ -316,16 +316,16 @@ def force_match(reference: Signal, other: Signal, rate: float, frequency: float)
 
 
 def room_match(reference: Signal, other: Signal, rate: float) -> Match:
-    """Return the delay between recordings (samples,) of sound in a room, at a rate in Hz.
+    """Estimate the delay between microphone recordings (samples,) in a room, at a rate in Hz.
 
-    The rate is about :data:`ROOM_RATE`. First by all that they hear, :func:`design_whitening`:
-    certain if the highest correlation is far above the 1/√n by which unlike sounds of n samples
-    scatter, and no other comes near it. Else by what stands out, as claps, which must be alike.
+    The rate is about :data:`ROOM_RATE`. The whitened signals (:func:`design_whitening`) are
+    correlated. The result is certain if the highest correlation is far above 1/√n, the scatter for
+    unrelated sounds of n samples, and no other peak comes near it. Otherwise the transients, such
+    as claps, are correlated.
 
-    Two single knocks that are alike, each heard by one camera alone, cannot be told from one that
-    both hear: several claps at irregular intervals can.
+    Two similar knocks, each recorded by one camera only, cannot be distinguished from one knock
+    that both recorded; several claps at irregular intervals can.
     """
-    # Where a filter reaches beyond the ends nothing is left.
     both = reference, other
     a, b = (scipy.signal.oaconvolve(x, design_whitening(x, rate), "valid") for x in both)
     whole = _compare_signals(a, b, rate, same=ROOM_SAME, by_noise=False, either_sign=True)

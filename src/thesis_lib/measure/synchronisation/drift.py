@@ -1,11 +1,11 @@
-"""Starts and clocks of recordings next to those of the first one, though the clocks drift apart.
+"""Estimate starts and clock drifts of recordings relative to the first one.
 
-With Tᵢ the start of a recording and δ the share by which its clock is fast, what happens at T has
-the time t = (1 + δ)(T − Tᵢ) in it. So what is at t in the one is at t + delay − δt in the
-reference: a straight line through the delays of windows tells both.
+With Tᵢ the start of a recording and δ the share by which its clock is fast, an event at T has the
+time t = (1 + δ)(T − Tᵢ) in it, and t + delay − dt, d = δ / (1 + δ), in the reference. A straight
+line through the delays of windows thus yields delay and drift.
 
-A window's correlation has several peaks where sound reverberates or repeats; the line is that
-which most of the windows have a peak on. Windows are compared as they are left by
+A window's correlation has several peaks where sound reverberates or repeats. The line is the one
+on which most windows have a peak. Windows are whitened by
 :func:`~thesis_lib.measure.synchronisation.delays.design_whitening`, so that neither hum nor a note
 has a peak at each of its periods.
 """
@@ -20,25 +20,25 @@ import scipy
 from thesis_lib.arrays import Array, IntArray, Signal
 from thesis_lib.measure.synchronisation import audio, delays as matching
 
-WINDOW_S = 1.0  # s of a window
-HOP_S = 0.005  # s of a step of loudness
-MAX_LOUDNESS_S = 300.0  # s from the start whose loudness is compared
-MIN_COMMON_S = 3.0  # s that sounds have in common at least
-# s from the highest peak, and share of it, that no other may reach
+WINDOW_S = 1.0  # length of a window in s
+HOP_S = 0.005  # time step of the loudness in s
+MAX_LOUDNESS_S = 300.0  # length in s, from the start, whose loudness is compared
+MIN_COMMON_S = 3.0  # shortest overlap of two sounds in s
+# A peak this far in s from the highest, and higher than this share of it, is a rival
 MIN_PEAK_DISTANCE_S, MAX_SECOND_PEAK_RATIO = 0.05, 0.7
-MAX_CANDIDATES = 12  # peaks of the loudness's correlation that are looked into at most
-WINDOW_SEARCH_S = 0.05  # s about the delay that was found, in which a window's is sought
-MAX_DRIFT = 2e-4  # most that clocks of cameras are apart, relative
-MAX_SHORT_DRIFT = 1e-3  # most that is looked for where the sounds are short
-# Times 1/√n, by which unlike sounds correlate, that a window's correlation must be
+MAX_CANDIDATES = 12  # largest number of loudness correlation peaks that are examined
+WINDOW_SEARCH_S = 0.05  # half of the range in s, about the common delay, searched in a window
+MAX_DRIFT = 2e-4  # largest relative difference of camera clocks
+MAX_SHORT_DRIFT = 1e-3  # largest drift searched for in short sounds
+# Smallest accepted correlation over 1/√n, its standard deviation for unrelated sounds
 MIN_CORRELATION_SIGMAS = 6.0
-PEAKS_PER_WINDOW = 3  # of each window that the line is sought through
-ON_LINE = 2.5e-4  # s that a window's peak may be from the line: 9 cm of a sound's way
-MAX_LINE_DEVIATIONS = 4.0  # times the middle deviation from the line
-MIN_WINDOWS = 3  # windows that a drift is told from
-INTERPOLATION_FACTOR = 16  # times finer than samples at which a peak is interpolated
-INTERPOLATION_SAMPLES = 12  # samples on either side that it is interpolated from
-MIN_PEAK_STD_SAMPLES = 0.005  # samples by which a peak between samples errs at least
+PEAKS_PER_WINDOW = 3  # candidate peaks of each window for the line
+ON_LINE = 2.5e-4  # largest distance in s of a window's peak from the line: 9 cm of sound travel
+MAX_LINE_DEVIATIONS = 4.0  # robust standard deviations beyond which a delay is an outlier
+MIN_WINDOWS = 3  # smallest number of windows for a drift
+INTERPOLATION_FACTOR = 16  # points per sample at which a peak is interpolated
+INTERPOLATION_SAMPLES = 12  # samples on either side used for interpolation
+MIN_PEAK_STD_SAMPLES = 0.005  # smallest standard uncertainty of an interpolated peak, in samples
 
 _NEAR_SAMPLES = np.arange(-INTERPOLATION_SAMPLES, INTERPOLATION_SAMPLES + 1)
 _FINE_SAMPLES = np.arange(-INTERPOLATION_FACTOR, INTERPOLATION_FACTOR + 1) / INTERPOLATION_FACTOR
@@ -51,34 +51,34 @@ _INTERPOLATION_WEIGHTS = (
 
 @dataclass(frozen=True)
 class Drift:
-    """Start and clock of a recording, beside those of the reference."""
+    """Start and clock drift of a recording relative to the reference."""
 
     delay: float  #: Start after the reference's, s
-    delay_deviation: float = np.nan  #: Its standard error, s; NaN if it rests on too few windows
-    #: By how much its seconds are too short, relative; NaN if it rests on too few windows
+    delay_deviation: float = np.nan  #: Its standard error, s; NaN with too few windows
+    #: Share by which its seconds are too short; NaN with too few windows
     drift: float = np.nan
     drift_deviation: float = np.nan  #: Its standard error
-    #: Middles of the windows that count, on its own clock, s, shape (windows,)
+    #: Middles of the windows on the line, on its own clock, s, shape (windows,)
     times: Array = field(default_factory=lambda: np.empty(0))
-    #: What they show, s, shape (windows,)
+    #: Delays of these windows, s, shape (windows,)
     delays: Array = field(default_factory=lambda: np.empty(0))
     agreement: float = 0.0  #: Share of the windows with a peak that have one on the line
-    #: Sum of the correlations of the windows on the line, over the root of all windows' number
+    #: Sum of the correlations of the windows on the line, over the root of the number of windows
     score: float = 0.0
-    #: The drift of the samples at the rates that the files state; their time stamps tell another
+    #: Drift at the sample rates stated in the files, which may differ from the time stamps
     sample_drift: float = np.nan
 
     @property
     def fast(self) -> float:
-        """By how much its clock is fast in its seconds per one of the reference's, relative."""
+        """Return the relative excess of its clock rate over the reference's."""
         return self.drift / (1 - self.drift)
 
 
 def _match_loudness(reference: Signal, other: Signal, rate: float) -> tuple[list[float], bool]:
-    """Find the delays in s at which the loudness of two sounds is alike, the likeliest first.
+    """Find the delays in s at which the loudness of two sounds matches, the likeliest first.
 
-    Loudness is so slow that clocks which drift apart do not blur it. Correlations count by how far
-    they are above chance. The second value tells whether the first delay is certain.
+    Loudness varies so slowly that clock drift does not blur it. Correlations are ranked by their
+    standard deviations above chance. Also return whether the first delay is certain.
     """
     a, b = (_loudness(sound, rate) for sound in (reference, other))
     most = max(len(a), len(b)) - min(len(a), len(b), round(MIN_COMMON_S / HOP_S))
@@ -96,7 +96,7 @@ def _match_loudness(reference: Signal, other: Signal, rate: float) -> tuple[list
 
 
 def _loudness(sound: Signal, rate: float) -> Array:
-    """Return the logarithm of the energy of what is high in a sound, in steps of :data:`HOP_S`."""
+    """Return the log energy of a sound's high frequencies in steps of :data:`HOP_S`."""
     n = round(HOP_S * rate)
     high = np.diff(sound[: round(MAX_LOUDNESS_S * rate)].astype(float))
     energy = np.square(high[: len(high) // n * n]).reshape(-1, n).mean(axis=1)
@@ -107,10 +107,10 @@ def _loudness(sound: Signal, rate: float) -> Array:
 def drift_of(
     reference: Signal, other: Signal, rate: float, starts: tuple[float, float], delay: float
 ) -> Drift:
-    """Return the line through the delays of windows of two sounds (samples of each,).
+    """Fit a line through the delays of windows of two sounds (samples,).
 
-    Their sample rate is in Hz; `starts` are the times of their first samples in the recordings, and
-    `delay` is the start of the other after the reference, as found from the whole, s.
+    The sample rate is in Hz; `starts` are the times of the first samples in the recordings, and
+    `delay` is the start of the other after the reference, as estimated from the whole sounds, s.
     """
     if min(len(reference), len(other)) <= 2 * matching.WHITENING_BINS:
         return Drift(delay)
@@ -129,10 +129,10 @@ def drift_of(
             other[first : first + n + matching.WHITENING_BINS - 1], taps[1], "valid"
         )
         lags, c = matching.correlation_coefficient(one, two, 2 * most)
-        whole = (lags >= 0) & (lags <= 2 * most)  # where the window is inside
+        whole = (lags >= 0) & (lags <= 2 * most)  # full overlap
         lags, c = lags[whole], c[whole]
         size, least = np.abs(c), MIN_CORRELATION_SIGMAS / np.sqrt(n)
-        inner = size[1:-1]  # of which the highest peaks above chance count
+        inner = size[1:-1]
         tops = 1 + np.flatnonzero((inner >= size[:-2]) & (inner > size[2:]) & (inner >= least))
         for top in tops[np.argsort(size[tops])[::-1][:PEAKS_PER_WINDOW]]:
             here = low + int(lags[top]) + _vertex(np.sign(c[top]) * c, top)
@@ -154,7 +154,7 @@ def drift_of(
 
 
 def _on_line(window: IntArray, when: Array, late: Array, height: Array) -> IntArray:
-    """Choose a peak of each window that has one on the line with most of them; one sign alone."""
+    """Return the peaks, at most one per window and of one sign, on the line with most of them."""
     span = max(float(np.ptp(when)), WINDOW_S)
     middle, turn = when.mean(), min(WINDOW_SEARCH_S + MAX_DRIFT * span, MAX_SHORT_DRIFT * span)
     slopes = np.arange(-turn, turn + ON_LINE, ON_LINE) / span
@@ -178,9 +178,9 @@ def _on_line(window: IntArray, when: Array, late: Array, height: Array) -> IntAr
 
 
 def _vertex(c: Array, top: int) -> float:
-    """Find where a peak of a band-limited signal is highest, from its sample `top`, in samples.
+    """Return the offset of a band-limited peak from its sample `top`, in samples.
 
-    A parabola through three samples alone errs by up to 0.05 of them.
+    A parabola through three samples alone errs by up to 0.05 samples.
     """
     fine = _INTERPOLATION_WEIGHTS @ c[np.clip(top + _NEAR_SAMPLES, 0, len(c) - 1)]
     k = int(np.clip(np.argmax(fine), 1, len(fine) - 2))
@@ -191,9 +191,9 @@ def _vertex(c: Array, top: int) -> float:
 
 
 def _line(times: Array, delays: Array, weights: Array, delay: float, least: float) -> Drift:
-    """Fit a line through delays without those that lie far off, with standard errors.
+    """Fit a line through delays without outliers, with standard errors.
 
-    A peak between samples errs by `least` s at least.
+    `least` is the smallest standard uncertainty of a delay, s.
     """
     kept = np.ones(len(times), bool)
     for _ in range(5):
@@ -222,25 +222,25 @@ def _line(times: Array, delays: Array, weights: Array, delay: float, least: floa
     )
 
 
-COMPARED_RATE_HZ = 16000.0  # Hz at which windows are compared
-MAX_COMPARED_S = 1800.0  # s from the start that are
-MIN_AGREEING_SHARE = 0.5  # share of the windows that must agree on a delay
-MIN_DECIDING_WINDOWS = 6  # windows that decide alone; unlike sounds had four at most
+COMPARED_RATE_HZ = 16000.0  # sample rate at which windows are compared
+MAX_COMPARED_S = 1800.0  # longest compared sound in s, from the start
+MIN_AGREEING_SHARE = 0.5  # smallest share of windows that must agree on a delay
+MIN_DECIDING_WINDOWS = 6  # windows that suffice alone; unrelated sounds had at most four
 
 
 def beside_first(
     recordings: Sequence[audio.AudioSource], others: Mapping[int, float | None]
 ) -> dict[int, Drift]:
-    """Find start and clock of each of the `others` beside the first recording.
+    """Estimate start and clock drift of each of `others` relative to the first recording.
 
-    Where time stamps state another pace than the sample rate does, the sounds are compared at both,
-    since either may be the true one, and what is found counts by the time stamps. `others` maps the
-    index of each to the delay of its sound in s where that is known; else it is sought. Sounds
+    Where time stamps and stated sample rate disagree, either may be right. The sounds are then
+    compared at both rates, and the result is converted to the time stamps. `others` maps the index
+    of each recording to the delay of its sound in s, or None if that is to be estimated. Sounds
     without a match raise a :class:`~.audio.SynchronisationError`.
     """
     found: dict[int, Drift] = {}
     stamped, stated = (_Compared(recordings, COMPARED_RATE_HZ, by) for by in (False, True))
-    # Seconds of the time stamps for one of the samples at the stated rate
+    # Seconds of the time stamps per second at the stated sample rate
     paces = [one.stated_rate / one.rate for one in stamped.tracks]
     for k, known in others.items():
         first, own = starts = stamped.starts[0], stamped.starts[k]
@@ -262,7 +262,7 @@ def beside_first(
 
 
 def unmatched_error(name: str, first: str) -> audio.SynchronisationError:
-    """Return the refusal of a sound that matches nothing in the first one."""
+    """Return the error for a sound that matches nothing in the first one."""
     return audio.SynchronisationError(
         f"{name}: no sound in it matches that of {first} beyond doubt; clap a few times where all "
         "cameras hear it, within a minute of the first one's start"
@@ -270,24 +270,24 @@ def unmatched_error(name: str, first: str) -> audio.SynchronisationError:
 
 
 class _Compared(audio.Sounds):
-    """Sounds that are compared, the first of which is held."""
+    """Sounds to compare, the first of which is cached."""
 
     def compared(self, k: int) -> Signal:
-        """Read as much of a sound as is compared."""
+        """Read the compared part of a sound, of at most :data:`MAX_COMPARED_S`."""
         return self.read(k, 0, round(MAX_COMPARED_S * self.low.rate))
 
     @cached_property
     def first(self) -> Signal:
-        """The first sound."""
+        """The compared part of the first sound."""
         return self.compared(0)
 
 
 def _find_start(sounds: _Compared, k: int) -> Drift | None:
-    """Find start and clock of a sound whose delay is unknown; None if there is doubt.
+    """Estimate start and clock drift of a sound whose delay is unknown; None if uncertain.
 
-    Candidates come from the loudness and from the waveform of the first minutes; windows of the
-    whitened waveform decide between them. One is certain if enough windows agree on it, fewer
-    where loudness or the whole waveform says the same, and if no other comes near it.
+    Candidate delays come from the loudness and the waveform of the first minutes. Windows of the
+    whitened waveform decide: the best delay is certain if no rival comes near its score, and if the
+    whole waveform confirms it or enough windows agree (fewer suffice if the loudness confirms it).
     """
     one, other, rate = sounds.first, sounds.compared(k), sounds.low.rate
     starts = sounds.starts[0], sounds.starts[k]
@@ -322,7 +322,7 @@ def _by_stamps(found: Drift, starts: tuple[float, float], paces: tuple[float, fl
     (begin, its_begin), (first, own) = starts, paces
     times = its_begin + own * found.times
     there = begin + first * (found.times + found.delays)
-    kept = first * (1 - found.drift) / own  # seconds of the first clock for one of the other
+    kept = first * (1 - found.drift) / own  # seconds of the first clock per second of the other
     pace = kept if np.isfinite(kept) else first / own
     return replace(
         found,

@@ -1,19 +1,19 @@
-"""When each camera started, from the sound that all of them recorded (thesis 5.1.2, eq. 5.2).
+"""Estimate the start of each camera from its sound track (thesis 5.1.2, eq. 5.2).
 
 The force signal s is fed to every camera's audio input. Camera i, started at world time Tᵢ, records
 xᵢ(t) = s(t + Tᵢ). Its *delay* is Tᵢ minus the start of the first camera, so that
-xᵢ(t) = x_first(t + delayᵢ), and what happens at T appears in recording i at T − Tᵢ. A tone gives
-the frequency and the phase of the force, too.
+xᵢ(t) = x_first(t + delayᵢ), and an event at T appears in recording i at T − Tᵢ. A sine also yields
+the frequency and the phase of the force.
 
-What that means for long recordings:
+Limits for long recordings:
 
-- Delays come from spans of 2²¹ samples, nine minutes of the force's signal, two of a room's sound:
-  the first in which the recordings match without doubt, of a room's those within ten minutes. The
-  recordings may start half a span apart, or, if they are shorter, as far as half of the shorter one
-  overlaps.
-- One delay and one frequency serve all of a recording. Clocks of cameras differ by some 10⁻⁵: the
-  delay is that in the middle, and the images tell the rest. A room's sounds are compared window
-  by window, as ``thesis sync`` does.
+- Delays are estimated in spans of 2²¹ samples: nine minutes of the force signal, two minutes of
+  room sound. The first span with a reliable match is used; room sound is searched for ten minutes.
+  The recordings may start half a span apart, or, if they are shorter, so far apart that half of the
+  shorter one overlaps.
+- One delay and one frequency apply to a whole recording. Clocks of cameras differ by some 10⁻⁵: the
+  delay is that in the middle, and the images yield the clock rates. Room sound is compared window
+  by window, as in ``thesis sync``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,37 +33,37 @@ from thesis_lib.measure.synchronisation.tones import MAX_SLIP_TURNS, Interval
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.web.html import render_lines
 
-ROOM_SPANS = 8  # spans in which a room's sound is compared: ten minutes
-MIN_AUDIO_S = 0.5  # of a track in which a tone is sought
-BUTTON_SOUND_S = 0.5  # s at either end of a room's recording, in which buttons are pressed
-MIN_DRIFT_SIGMAS = 4.0  # standard errors from which on clocks drift apart
-MAX_MIDDLE_OFFSET_S = 1e-3  # s that the delay in the middle may be from that of the whole
+ROOM_SPANS = 8  # half-overlapping spans in which room sound is compared: ten minutes
+MIN_AUDIO_S = 0.5  # shortest sound track in s in which a sine is searched for
+BUTTON_SOUND_S = 0.5  # s at either end of a room recording with the sound of pressed buttons
+MIN_DRIFT_SIGMAS = 4.0  # standard errors from which on a clock drift is significant
+MAX_MIDDLE_OFFSET_S = 1e-3  # largest difference in s of the delays in the middle and of the whole
 VARIABLES = read_variables(__file__, "synchronisation")
 
 
 @dataclass(frozen=True)
 class LoadedAudio:
-    """What was read of all recordings."""
+    """Sound tracks of all recordings, and their sines at a low sample rate."""
 
     sounds: audio.Sounds  #: At the rate at which the force is measured
-    #: Of each at some tens of samples per period; empty without a tone, shape (samples,)
+    #: Each recording at some tens of samples per period, shape (samples,); empty in a room
     tones: list[audio.Track]
-    tone_rate: float  #: Sample rate of the tones in Hz
-    tone_start: float  #: When the tones' first samples come after the first samples of the files, s
+    tone_rate: float  #: Sample rate of `tones` in Hz
+    tone_start: float  #: Time from the first sample of a file to that of its `tones`, s
 
     @property
     def starts(self) -> Array:
-        """Return when the sound of each starts after its first frame, s, shape (recordings,)."""
+        """Return the start of each sound after the first frame, s, shape (recordings,)."""
         return np.array([one.start for one in self.sounds.tracks])
 
     @property
     def ends(self) -> Array:
-        """Return when it ends, likewise."""
+        """Return the end of each sound after the first frame, s, shape (recordings,)."""
         return np.array([one.start + one.samples / one.rate for one in self.sounds.tracks])
 
 
 def load_audio(recordings: Sequence[audio.AudioSource], frequency: float | None) -> LoadedAudio:
-    """Check all tracks, and hold their tone of a frequency in Hz; None in a room.
+    """Check all sound tracks, and load their sine at a frequency in Hz (None: room sound).
 
     A track that is missing, too short, silent or clipped raises an error.
     """
@@ -89,11 +89,11 @@ def load_audio(recordings: Sequence[audio.AudioSource], frequency: float | None)
 def match_recordings(
     recordings: Sequence[audio.AudioSource], frequency: float | None
 ) -> dict[int, matching.Match]:
-    """Match each recording but the first to the first, by the tone's frequency in Hz if any.
+    """Match each other recording to the first, by a sine's frequency in Hz (None: room sound).
 
-    The first span in which a recording matches without doubt counts, or else the one in which it
-    matches best. Spans overlap by half, so that what all heard is within one if they started less
-    than that apart. In a room only the first `ROOM_SPANS` are tried, without the buttons' sound.
+    The first span with a reliable match is used, or else the one with the best match. Spans overlap
+    by half, so that recordings that started less than that apart have a common span. In a room only
+    the first `ROOM_SPANS` are compared, without the sound of the buttons.
     """
     half, every = audio.SPAN_SAMPLES // 2, range(len(recordings))
     if frequency is None:
@@ -104,7 +104,7 @@ def match_recordings(
     else:
         sounds = audio.Sounds(recordings, matching.CORRELATION_RATE)
         heard = [sounds.read(k) for k in every]
-    end = min(len(heard[0]), max(map(len, heard[1:])))  # of the first one, or of all others
+    end = min(len(heard[0]), max(map(len, heard[1:])))  # end of the first, or of all others
     found: dict[int, matching.Match] = {}
     for start in range(0, max(end - half, 1), half):
         span = [one[start : start + 2 * half] for one in heard]
@@ -126,21 +126,21 @@ class Synchronisation:
     """Starts of all cameras."""
 
     delays: Array  #: Start of each camera minus that of the first, s, shape (cameras,)
-    #: The most doubtful of all cameras with the first one; None: nothing was heard
+    #: The least certain match of a camera with the first one; None without sound
     match: matching.Match | None = None
-    frequency: float | None = None  #: Of the tone, Hz; None in a room
+    frequency: float | None = None  #: Of the sine, Hz; None in a room
     snr: float = np.nan  #: Smallest :attr:`~.delays.Match.snr` of all
-    #: Of recordings whose clocks drift too far for one delay, which is then that in the middle
+    #: Drift of each recording whose delay is therefore that in its middle
     drifts: Mapping[int, Drift] = field(default_factory=dict)
-    sources: Sequence[str] = ()  #: Of each one's sound, empty where all is as stated
+    sources: Sequence[str] = ()  #: Remark on each sound track; empty if it is as its file states
 
     @property
     def ambiguous(self) -> bool:
-        """Return whether two delays cannot be told apart; then the shortest are given."""
+        """Return whether several delays match equally well; then the shortest are used."""
         return self.match is not None and self.match.ambiguous
 
     def describe(self, names: Sequence[str], frame_rate: float) -> list[str]:
-        """Describe what was found, its uncertainty, and what sound cannot show; rate in Hz."""
+        """Describe delays, uncertainty and limits of audio synchronisation; frame rate in Hz."""
         frames = whole_frames(self.delays, frame_rate)
         omega = 2 * np.pi * (self.frequency or np.nan)
         corners = 2 * np.pi * np.array([2, 3])  # rad/s, of the first-order high-passes of inputs
@@ -168,12 +168,12 @@ def synchronise_cameras(
     frequency: float | None,
     steady: Interval | None = None,
 ) -> Synchronisation:
-    """Estimate the starts of all cameras from their sound, which :func:`load_audio` read.
+    """Estimate the starts of all cameras from their sound, loaded by :func:`load_audio`.
 
-    The frequency of the force's tone is in Hz, or None for what microphones hear in a room. The
-    tone is steady from `steady[0]` to `steady[1]` s after the first sample of the first one that is
-    held, or else where it has settled. A :class:`~.audio.SynchronisationError` names the recording
-    that has no such sound.
+    The frequency of the force's sine is in Hz, or None for microphones in a room. The sine is
+    steady from `steady[0]` to `steady[1]` s after the first sample of the first of `heard.tones`;
+    by default its steady-state interval is detected. A :class:`~.audio.SynchronisationError` names
+    the recording without such a sound.
     """
     matches = match_recordings(recordings, frequency)
     drifts = {} if frequency is not None else _find_drifts(recordings, heard, matches)
@@ -205,15 +205,15 @@ def synchronise_cameras(
 def _find_drifts(
     recordings: Sequence[audio.AudioSource], heard: LoadedAudio, matches: dict[int, matching.Match]
 ) -> dict[int, Drift]:
-    """Replace the matches of clocks that have no one delay by that in the middle."""
+    """Replace the delays of recordings whose clocks drift by those in their middle."""
     known = {i: one.delay if one.certain else None for i, one in matches.items()}
     drifts = {}
     for i, one in beside_first(recordings, known).items():
         middle = one.delay - float(np.nan_to_num(one.drift)) * heard.ends[i] / 2
         delay = middle + float(heard.starts[i] - heard.starts[0])
         sure = known[i]
-        drifting = abs(one.drift) > MIN_DRIFT_SIGMAS * one.drift_deviation  # not, if it is unknown
-        clock = min(abs(one.drift), abs(one.sample_drift))  # stamps may run at another pace
+        drifting = abs(one.drift) > MIN_DRIFT_SIGMAS * one.drift_deviation  # False if NaN
+        clock = min(abs(one.drift), abs(one.sample_drift))  # time stamps may have another rate
         if clock < MAX_DRIFT and (
             sure is None or (drifting and abs(delay - sure) < MAX_MIDDLE_OFFSET_S)
         ):
@@ -224,10 +224,10 @@ def _find_drifts(
 
 
 def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
-    """Return the delays, and the force's frequency and phase, as :data:`VARIABLES`.
+    """Estimate the delays, and the force's frequency and phase, as :data:`VARIABLES`.
 
-    A :class:`ManifestError` says that the cameras cannot film the frequency, or that not all of
-    them recorded the steady part; other errors are those of the files and sounds.
+    Raises a :class:`ManifestError` if the cameras cannot resolve the frequency, or if not all of
+    them recorded the steady-state interval; other errors are those of the files and sounds.
     """
     for problem in check_excitation(manifest):
         raise ManifestError(problem)
@@ -267,7 +267,7 @@ def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
 def _hear_force(
     manifest: Manifest, recordings: list[audio.AudioSource]
 ) -> tuple[Synchronisation, Interval, dict[str, Any]]:
-    """Return starts, steady interval and variables of the tone from the force's signal."""
+    """Return starts, steady-state interval and variables of the sine from the force signal."""
     excitation = manifest.excitation
     steady = excitation.steady_interval_s
     frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings)
@@ -300,7 +300,7 @@ def _hear_force(
 
 
 def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource]) -> float:
-    """Return the frequency in Hz of the tone that all tracks hold."""
+    """Estimate the frequency in Hz of the sine in all sound tracks."""
     steady = manifest.excitation.steady_interval_s
     slowest = min(camera.frame_rate_hz for camera in manifest.cameras)
     wanted = max(matching.CORRELATION_RATE, tones.MIN_SAMPLES_PER_PERIOD * slowest / 2)
@@ -315,7 +315,7 @@ def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource]) -> flo
         except audio.SynchronisationError:
             if not found or part is None:
                 raise
-            # The interval counts on the first one's clock; when this one started is not known yet.
+            # The interval is on the first camera's clock; the start of this one is not known yet.
             found.append(tones.find_tone(track, rate, recording.name))
         (first, _), (tone, seconds) = found[0], found[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
@@ -333,12 +333,12 @@ def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource]) -> flo
 
 
 def _common(found: Synchronisation, heard: LoadedAudio) -> Interval:
-    """Return from when to when all cameras recorded, on the reference camera's clock, s."""
+    """Return begin and end of the common recording time on the reference camera's clock, s."""
     return max(float(found.delays.max()), 0.0), float((found.delays + heard.ends).min())
 
 
 def _check_steady(manifest: Manifest, begin: float, end: float) -> None:
-    """Refuse a steady part that is not in the recordings; their sound may be a frame shorter."""
+    """Refuse a steady-state interval outside the recordings; sound may be a frame shorter."""
     steady = manifest.excitation.steady_interval_s
     frame = 1 / manifest.cameras[0].frame_rate_hz
     if steady is not None and not begin <= steady[0] < steady[1] <= end + frame:

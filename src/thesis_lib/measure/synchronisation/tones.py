@@ -1,7 +1,7 @@
-"""A steady tone in a signal: its amplitude, frequency and share, and where it is steady.
+"""Amplitude, frequency, explained variance and steady-state interval of a sine ("tone").
 
-A tone is fitted at tens of samples per period, which keeps it cheap. The force's signal must hold
-such a tone.
+A sine is fitted at tens of samples per period, which is cheap. The force signal of a harmonic
+excitation must contain one.
 """
 
 from collections.abc import Iterable
@@ -14,24 +14,24 @@ from thesis_lib.measure.synchronisation.audio import SynchronisationError, decim
 
 Interval = tuple[float, float]
 
-TONE_RATE = 64  # samples per period at which a tone's phase is fitted
-MIN_SAMPLES_PER_PERIOD = 8  # samples per period from which on one is fitted
-MIN_SETTLED_PERIODS = 3  # of the settled tone that a recording must hold
-MIN_LOUD_RATIO = 0.5  # of the 95 % quantile of amplitudes, from which on one is loud
-MIN_EXPLAINED_SHARE = 0.8  # share of its variance, up to some harmonics, that the tone must explain
-MAX_FREQUENCY_ERROR = 0.01  # relative error of the frequency that is not refused
-MAX_SLIP_TURNS = 0.16  # turns over the length that are not, either
-FITTED_SAMPLES = 1 << 16  # samples that are fitted at once
-SPECTRUM_SAMPLES = 1 << 18  # samples of which a spectrum is taken at once
+TONE_RATE = 64  # samples per period at which a sine's phase is fitted
+MIN_SAMPLES_PER_PERIOD = 8  # fewest samples per period for a fit
+MIN_SETTLED_PERIODS = 3  # shortest steady-state interval in periods
+MIN_LOUD_RATIO = 0.5  # of the 95 % quantile of amplitudes, above which an amplitude is loud
+MIN_EXPLAINED_SHARE = 0.8  # share of the variance, some harmonics included, a sine must explain
+MAX_FREQUENCY_ERROR = 0.01  # largest accepted relative error of a given frequency
+MAX_SLIP_TURNS = 0.16  # or largest accepted phase error over the whole length, in turns
+FITTED_SAMPLES = 1 << 16  # samples per step of a fit
+SPECTRUM_SAMPLES = 1 << 18  # samples per spectrum
 
 
 def fit_tone(
     blocks: Iterable[Signal], rate: float, frequency: float, centre: float
 ) -> tuple[complex, float]:
-    """Return the least-squares fit of a tone plus a constant to a signal that comes in blocks.
+    """Fit a sine plus a constant to a signal in blocks by least squares.
 
-    The signal (samples,) has a rate in Hz. Its amplitude, time factor e^{+jωt}, is that at `centre`
-    s after the first sample; the second value is the share of its variance that the tone explains.
+    The signal (samples,) has a rate in Hz. Return the complex amplitude, time factor e^{+jωt}, at
+    `centre` s after the first sample, and the share of the variance that the sine explains.
     """
     normal, right, squares, count = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     for block in blocks:
@@ -49,7 +49,7 @@ def fit_tone(
 
 
 def _tone_share(signal: Signal, rate: float, frequency: float) -> float:
-    """Return the share of a signal's variance that a tone explains."""
+    """Return the share of a signal's variance that a sine explains."""
     return fit_tone([signal], rate, frequency, len(signal) / rate / 2)[1]
 
 
@@ -58,8 +58,8 @@ def _strongest_frequency(
 ) -> float:
     """Return the frequency in Hz from `low` to `high` at which a signal's spectrum is highest.
 
-    It is off by at most a quarter of 1 / length; or, where the spectra of parts of `most` samples
-    are added, of 1 / their length.
+    Its error is at most a quarter of 1 / length; if `most` is given, spectra of parts of so many
+    samples are added, and the length is that of a part.
     """
     n = len(x) if most is None else min(len(x), most)
     size = scipy.fft.next_fast_len(4 * n, real=True)
@@ -72,7 +72,7 @@ def _strongest_frequency(
 
 
 def tone_frequency(x: Signal, rate: float, guess: float) -> float:
-    """Estimate, within 10 % of a guess, the frequency in Hz that explains most of a signal.
+    """Estimate the frequency in Hz, within 10 % of a guess, that explains most of a signal.
 
     The signal has some tens of samples per period.
     """
@@ -91,11 +91,11 @@ def tone_frequency(x: Signal, rate: float, guess: float) -> float:
 
 
 def frequency_deviation(x: Signal, rate: float, frequency: float) -> float:
-    """Return the standard error in Hz of :func:`tone_frequency`, by the noise near the tone.
+    """Return the standard error in Hz of :func:`tone_frequency` from the noise near the sine.
 
-    The Cramér–Rao bound of a frequency, √(3 / (SNR · N)) / (π T) (Rife and Boorstyn 1974), with the
-    noise that the signal without the tone has from half to twice its frequency. That the sample
-    clock is off, by some 10⁻⁵ in cameras, is not in it.
+    It is the Cramér–Rao bound of a frequency, √(3 / (SNR · N)) / (π T) (Rife and Boorstyn 1974),
+    with the noise of the residual from half to twice the frequency. The error of the sample clock,
+    some 10⁻⁵ in cameras, is not included.
     """
     amplitude, _ = fit_tone([x], rate, frequency, 0.0)
     n = min(len(x), SPECTRUM_SAMPLES)
@@ -112,12 +112,12 @@ def frequency_deviation(x: Signal, rate: float, frequency: float) -> float:
 
 
 def settle_interval(x: Signal, rate: float, frequency: float) -> Interval:
-    """Return start and end of a tone's steady part in s, without where it grows or fades.
+    """Detect start and end of a sine's steady-state interval in s.
 
-    That is the longest part in which the tone keeps its amplitude within 15 %, less its first
-    period, and less its last unless the recording ends with it. Amplitudes are those of whole
-    periods, compared with the median of the louder half; where that leaves too few, since the tone
-    lasts for less than a quarter of the recording, with that of the loud ones alone.
+    It is the longest interval in which the amplitude is constant within 15 %, less its first
+    period, and less its last unless the recording ends with it. Amplitudes of whole periods are
+    compared with the median of the louder half; if that leaves too few, since the sine lasts for
+    less than a quarter of the recording, with the median of the loud ones (`MIN_LOUD_RATIO`).
     """
     period = rate / frequency
     n = round(period)
@@ -147,9 +147,9 @@ def settle_interval(x: Signal, rate: float, frequency: float) -> Interval:
 def check_tone(
     x: Signal, rate: float, frequency: float, name: str, steady: Interval | None = None
 ) -> None:
-    """Refuse a recording that holds no steady tone of that frequency, or too little of it.
+    """Refuse a recording without a sine of that frequency, or with too short a one.
 
-    It has some tens of samples per period. The tone is sought where it has settled, or from
+    It has some tens of samples per period. The sine is fitted in its steady-state interval, or from
     `steady[0]` to `steady[1]` s after the first sample.
     """
     start, end = settle_interval(x, rate, frequency)
@@ -183,11 +183,11 @@ def check_tone(
 def find_tone(
     x: Signal, rate: float, name: str, steady: Interval | None = None
 ) -> tuple[float, float]:
-    """Estimate the steady tone of a recording: its frequency in Hz, and its length in s.
+    """Estimate the frequency in Hz of a recording's strongest sine; return it and the length in s.
 
-    That of the highest line of the spectrum, up to an eighth of the rate; its frequency is that
-    which explains most of the part in which the tone has settled, or of that from `steady[0]` to
-    `steady[1]` s after the first sample. A tone that explains too little of the sound is refused.
+    The search starts at the highest line of the spectrum below an eighth of the rate. The frequency
+    is the one that explains most of the steady-state interval, or of that from `steady[0]` to
+    `steady[1]` s after the first sample. A sine that explains too little of the sound is refused.
     """
     if steady is not None:
         x = x[max(round(steady[0] * rate), 0) : max(round(steady[1] * rate), 0)]

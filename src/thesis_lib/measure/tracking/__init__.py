@@ -1,6 +1,6 @@
-"""Videos to the tracks of markers.
+"""Marker tracks from videos.
 
-From a video on: `tracks` reads its frames and writes centres to disk; `homography` finds the
-structure in the first one; `follow` goes on from frame to frame by a table of grey levels; where
+`tracks` reads a video's frames and writes the markers' centres to disk; `homography` finds the
+structure in the first frame; `follow` tracks from frame to frame by linear grey-level models; where
 that fails, `tracker` searches the resampled structure and fits each disc.
 """

@@ -1,11 +1,11 @@
-"""How a video's markers are followed: from its first frame on, in full or at several widths.
+"""Tracking of a video's markers from its first frame on, at full size or at several widths.
 
-Discs are followed by the fit of :func:`~.tracker.refine_centres`, made linear. For each
-marker and for 8 × 8 places of its centre in a pixel, the grey levels around it are a sum of
-columns: ground, structure, dark disc, the disc's two derivatives, the structure's edge moved
-outward. A frame then gives the centre by a product with what is kept of these, once more where the
-centre turns out to lie in another cell. A frame in which a marker does not fit that did in the one
-before goes to the tracker that searches for all of them.
+The fit of :func:`~.tracker.refine_centres` is linearised. For each marker and for 8 × 8 positions
+of its centre within a pixel, the model of the grey levels around it is a sum of columns: ground,
+structure, dark disc, the disc's two derivatives, and the structure's edge moved outward. The centre
+in a frame is the product of its grey levels with a precomputed table; the product is repeated if
+the centre lies in another cell. If a marker that fitted in the frame before no longer fits, the
+tracker searches the frame for all markers.
 """
 
 import contextlib
@@ -21,20 +21,20 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking import homography, tracker as discs
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera, resize_camera, undistort_pixels
 
-CELLS_PER_PIXEL = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
-MAX_FIT_ROUNDS = 6  # of the fit, at most
-MIDDLE_GREY = 128  # grey level from which all are counted, for the sake of single precision
-# Grey levels between structure and ground, with which the edge's place is weighed
+CELLS_PER_PIXEL = 8  # in each direction; 16 would change centres by 0.0005 px
+MAX_FIT_ROUNDS = 6
+MIDDLE_GREY = 128  # subtracted from all grey levels, for accuracy in single precision
+# Assumed contrast between structure and ground, grey levels, for the prior of the edge's position
 CONTRAST_GREY = 100.0
-MAX_GROUND_GREY = 10.0  # grey levels by which the ground may differ from the first frame's
-MOST_LOST = 0.5  # share of the markers, above which a frame does not tell how they moved
-MAX_TABLE_BYTES = 4e8  # bytes of a table
+MAX_GROUND_GREY = 10.0  # prior standard deviation of the ground's grey level from the first frame's
+MOST_LOST = 0.5  # fraction of missing markers above which a frame does not determine displacements
+MAX_TABLE_BYTES = 4e8
 PRIOR_STD = np.array([MAX_GROUND_GREY, *[np.inf] * 4, discs.EDGE_STD_PX * CONTRAST_GREY])
 PRIOR_WEIGHTS = (discs.NOISE_GREY / PRIOR_STD) ** 2
 
 
 class Table:
-    """Linear models of the grey levels around markers and hole, by a frame of these at rest."""
+    """Linear models of the grey levels around markers and hole, from a frame at rest."""
 
     def __init__(self, view: homography.View, image: Image) -> None:
         markers, plane = view.markers, view.markers.positions
@@ -72,11 +72,11 @@ class Table:
         du = along + HALF_PIXEL + (whole - start)[0][:, None]
         dv = down + HALF_PIXEL + (whole - start)[1][:, None]
         self.ground = patch.background(grey.reshape(n, len(down), len(along)), du, dv) - MIDDLE_GREY
-        self.contrast = 0.0  # median between structure and markers, in the frame
+        self.contrast = 0.0  # until the fit below gives the median between structure and markers
         self.contrast = self.fit(image, start)[3]
 
     def fit(self, image: Image, start: Array) -> tuple[Array, Mask, Mask, float]:
-        """Fit centres in px near a start, both (2, n); return them, two masks and contrast."""
+        """Fit centres (2, n), px; return them, masks (fit accepted, in the frame), and contrast."""
         n, (height, width) = start.shape[1], image.shape
         centre, inside = start.copy(), np.isfinite(start[0])
         contrast, squares, used = np.zeros(n), np.full(n, np.inf), np.ones(n)
@@ -95,7 +95,7 @@ class Table:
             columns = self.columns[at]
             right = (columns @ grey[:, :, None])[:, :, 0].astype(float)
             x = (self.inverse[at] @ (right + told)[:, :, None])[:, :, 0]
-            usable = columns[:, 0] + columns[:, 1]  # ground and structure: all there is
+            usable = columns[:, 0] + columns[:, 1]  # shares of ground and structure add up to 1
             fitted = np.sum(x * (right - told + PRIOR_WEIGHTS * x), axis=1)
             squares[left] = np.einsum("np,np,np->n", usable, grey, grey) - fitted
             contrast[left] = np.maximum(-x[:, 2], 1)
@@ -112,21 +112,21 @@ class Table:
         holds = inside & fits
         holds[left] = False
         median = float(np.median(contrast[inside])) if inside.any() else 0.0
-        holds &= contrast > 0.4 * max(median, self.contrast)  # without light nothing holds
+        holds &= contrast > 0.4 * max(median, self.contrast)  # no fit is accepted without light
         return centre, holds, inside, median
 
 
 class Follower:
-    """Follows the markers of one camera, frame after frame; see :class:`Tracker`."""
+    """Tracks the markers of one camera by a :class:`Table`, else by :class:`~.tracker.Tracker`."""
 
     def __init__(self, tracker: discs.Tracker, image: Image) -> None:
         self.tracker, self.view = tracker, tracker.view
         self.table: Table | None = None
-        with contextlib.suppress(MemoryError, ValueError):  # each frame is searched without one
+        with contextlib.suppress(MemoryError, ValueError):  # without a table, search each frame
             self.table = Table(self.view, image)
         self.rest = self.view.to_image(tracker.grid)
-        # Where the frequency is not known, a prediction from the two frames before is off by up to
-        # four times what moved, as of a motion at half the frame rate: less than to a neighbour.
+        # If the frequency is unknown, a prediction from the two frames before is off by up to four
+        # times the displacement (motion at half the frame rate). It must not reach a neighbour.
         radius = self.view.markers.diameter / 2 * self.view.stretch(tracker.grid)
         distance, _ = scipy.spatial.KDTree(self.rest.T).query(self.rest.T, k=2)
         self.safe = (distance[:, 1] - np.linalg.norm(radius, axis=(0, 1))) / 4
@@ -136,7 +136,7 @@ class Follower:
     def centres(self, image: Image) -> Array:
         """Return the markers' centres in px, (2, markers), without the hole; NaN where missing.
 
-        Frames are to be given in their order: what moved before tells where to look.
+        Frames must be given in order: earlier displacements predict the positions.
         """
         tracker, view, count = self.tracker, self.view, self.view.markers.count
         lost = np.isnan(self.moved[0])
@@ -148,7 +148,7 @@ class Follower:
             fitted, holds, inside, _ = self.table.fit(image, self.rest + ahead)
             if not np.any((inside & ~holds & ~lost)[:count]) and np.mean(~holds) <= MOST_LOST:
                 uv = np.where(holds, fitted, np.nan)
-        if uv is None:  # a marker no longer fits, or most do not: all are looked for far around
+        if uv is None:  # a marker no longer fits, or most do not: search a wide area for all
             tracker.moved, tracker.before = (
                 view.to_plane(self.rest + part) - tracker.grid for part in (moved, self.before)
             )
@@ -156,7 +156,7 @@ class Follower:
             hole = view.to_image(tracker.grid + tracker.moved)[:, count:]
             uv = np.concatenate([centres, hole], axis=1)
         self.before, self.moved = moved, uv - self.rest
-        if np.isnan(uv[0]).mean() > MOST_LOST:  # no light: it goes on as it did, if that is known
+        if np.isnan(uv[0]).mean() > MOST_LOST:  # no light: extrapolate if the frequency is known
             self.moved = ahead if tracker.turn else moved
         return uv[:, :count]
 
@@ -166,7 +166,7 @@ def first_view(
 ) -> homography.View:
     """Estimate the camera's view of the structure in its first frame, from corners and markers.
 
-    Corners that are not given are looked for in the frame as it is, then with even light.
+    If no corners are given, they are detected in the frame as it is, then after evening its light.
     """
     if corners_px is not None:
         corners = undistort_pixels(camera, np.array(corners_px, float).T)
@@ -177,7 +177,7 @@ def first_view(
             return discs.sharpen_view(image, homography.find_view(even, camera, markers))
         except homography.TrackingError as error:
             failures.append(error)
-        if markers.hole is None:  # nothing tells the ends apart in any light
+        if markers.hole is None:  # the ends cannot be distinguished in any light
             break
     raise failures[0]
 
@@ -190,14 +190,14 @@ def trackers_of(
     turn: float,
     shares: Sequence[float] = (),
 ) -> tuple[Sequence[Follower | discs.Tracker], list[str]]:
-    """Return the trackers of a video's markers, from its first frame, in which markers are dark.
+    """Return trackers of a video's markers, from its first frame, in which markers are dark.
 
     The structure's corners in the image include the lens distortion, and are in the order of
-    :func:`~.homography.view_of`. `turn` is the angle of the vibration from frame to frame in rad; 0
-    if it is not known. There is a tracker for each of the `shares` of their width to which frames
-    are reduced: at each the markers are looked for again, but the corners are those of the full
-    frames. Without any a :class:`Follower` follows them in the full frames. Notes tell at which
-    width the markers are not found as they should be, and why.
+    :func:`~.homography.view_of`. `turn` is the vibration's phase advance per frame in rad; 0 if
+    unknown. `shares` are fractions of the full width to which frames are reduced, with one tracker
+    each: it detects the markers again, but uses the corners of the full frames. Without shares a
+    :class:`Follower` tracks the full frames. The notes list widths at which the markers are not
+    found correctly, with reasons.
     """
     view, notes = first_view(image, camera, markers, corners_px), []
     if not shares:
@@ -217,15 +217,15 @@ def trackers_of(
 
 
 def pictures_of(image: Image, shares: Sequence[float]) -> list[Image]:
-    """Return a frame as each tracker takes it: reduced to shares of its width, or as it is."""
+    """Return the frame for each tracker: reduced to fractions of its width, or unchanged."""
     return [reduce_frame(image, round(share * image.shape[1])) for share in shares] or [image]
 
 
 def reduce_frame(image: Image, width: int) -> Image:
     """Reduce a frame to a smaller width (section 5.2.1), by the mean over areas.
 
-    By a factor such as 3 : 2 that mean moves every other pixel by 0.06 px; the frame is then
-    enlarged to twice its size first, by linear interpolation.
+    For a fractional factor such as 3 : 2 that mean shifts every other pixel by 0.06 px; the frame
+    is therefore enlarged to twice its size first, by linear interpolation.
     """
     height = round(width * image.shape[0] / image.shape[1])
     factor = image.shape[1] / width

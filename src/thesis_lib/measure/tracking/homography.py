@@ -1,8 +1,8 @@
-"""How a camera sees the beam's plane: a homography, from the beam's four corners.
+"""Homography from the beam's plane to the image, from the beam's four corners.
 
-The corners are found in the image, as those of the largest bright region, or given; a hole tells
-which end is clamped (thesis 5.1.2, figures F.3 and F.4). Under uneven or flickering light one
-threshold finds the structure after :func:`even_light`.
+The corners are given, or detected as those of the largest bright region; a hole marks the clamped
+end (thesis 5.1.2, figures F.3 and F.4). Under uneven or flickering light :func:`even_light` makes
+the structure detectable by one threshold.
 """
 
 from collections.abc import Iterator
@@ -22,31 +22,31 @@ def as_dark(image: Image, markers: Markers) -> Image:
 
 
 class TrackingError(ValueError):
-    """A beam that is not found; the message says what to do."""
+    """A beam or markers that are not found; the message gives the reason and often a remedy."""
 
 
 @dataclass(frozen=True)
 class View:
-    """How a camera sees the beam's plane."""
+    """Projection of the beam's plane into a camera."""
 
     camera: Camera  #: Intrinsics and distortion; the pose is not used
-    markers: Markers  #: What is printed on the beam
+    markers: Markers  #: Markers and hole on the beam
     #: Homography from the beam's plane in m to undistorted pixels, shape (3, 3)
     H_image_plane: Array
-    blur: float = 0.6  #: Standard deviation in px of the edges in the image
+    blur: float = 0.6  #: Standard deviation of the blur of edges in the image, px
 
     def to_image(self, plane: ArrayLike) -> Array:
-        """Return the pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""
+        """Project points (2, ...) of the plane in m to pixels (2, ...), with distortion."""
         return distort_pixels(self.camera, apply_homography(self.H_image_plane, plane))
 
     def to_plane(self, uv: ArrayLike) -> Array:
-        """Return the points (2, ...) of the plane in m of pixels (2, ...)."""
+        """Back-project pixels (2, ...), with distortion, to points (2, ...) of the plane in m."""
         return apply_homography(
             np.linalg.inv(self.H_image_plane), undistort_pixels(self.camera, uv)
         )
 
     def stretch(self, plane: ArrayLike) -> Array:
-        """Return the derivative of :meth:`to_image` at (2, n), shape (2, 2, n), in px/m."""
+        """Return the derivative of :meth:`to_image` at points (2, n), shape (2, 2, n), px/m."""
         step, (x, y) = 1e-4, np.asarray(plane, float)
         along = self.to_image([x + step, y]) - self.to_image([x - step, y])
         across = self.to_image([x, y + step]) - self.to_image([x, y - step])
@@ -61,9 +61,9 @@ def apply_homography(H: ArrayLike, points: ArrayLike) -> Array:
 
 
 def fit_homography(source: ArrayLike, target: ArrayLike) -> Array:
-    """Fit the homography from points (2, n) to points (2, n), best in the target; skip NaN.
+    """Fit the homography between points (2, n), by least squares in the target; skip NaN.
 
-    A :class:`TrackingError` is raised if fewer than four are left, or they lie on a line.
+    A :class:`TrackingError` is raised if fewer than four points remain, or if they are collinear.
     """
     source, target = np.asarray(source, float), np.asarray(target, float)
     known = np.isfinite(source + target).all(axis=0)
@@ -77,23 +77,23 @@ def fit_homography(source: ArrayLike, target: ArrayLike) -> Array:
 
 
 def find_view(image: Image, camera: Camera, markers: Markers) -> View:
-    """Find the beam, a bright quadrilateral on a dark ground, and which end is clamped.
+    """Detect the beam, a bright quadrilateral on a dark ground, and its clamped end.
 
-    The hole tells the two ends apart. Corners that are given instead go to :func:`view_of`.
+    The hole distinguishes the two ends. For given corners use :func:`view_of` instead.
 
     Parameters
     ----------
     image : ndarray of uint8, shape (h, w)
         Grey levels.
     camera : Camera
-        Intrinsics and distortion; where it stands is not used.
+        Intrinsics and distortion; the pose is not used.
     markers : Markers
-        Size of the beam, and places of its markers and its hole.
+        Size of the beam, and positions of its markers and its hole.
 
     Raises
     ------
     TrackingError
-        If no such quadrilateral is seen, or the hole does not tell the ends apart.
+        If no such quadrilateral is found, or if no hole distinguishes the ends.
     """
     corners = _find_quadrilateral(image, camera)
     if markers.hole is None:
@@ -112,9 +112,9 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
 
 
 def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
-    """Return the view for the four corners in undistorted px, shape (2, 4).
+    """Return the view from the beam's four corners in undistorted px, shape (2, 4).
 
-    In the order of the beam's frame: (0, 0), (L, 0), (L, W), (0, W).
+    The corners are in the order (0, 0), (L, 0), (L, W), (0, W) of the beam's frame.
     """
     try:
         return View(camera, markers, fit_homography(markers.corners, corners))
@@ -123,9 +123,9 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
 
 
 def _find_quadrilateral(image: Image, camera: Camera) -> Array:
-    """Return corners (2, 4) of the largest bright region, undistorted px, long sides 1 and 3.
+    """Return the corners (2, 4) of the largest bright region, undistorted px, a long side first.
 
-    Its sides are straight only without the lens's distortion.
+    The sides are straight only without lens distortion.
     """
     _, bright = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     # In small images a column of markers may cut the beam in two.
@@ -145,7 +145,7 @@ def _find_quadrilateral(image: Image, camera: Camera) -> Array:
             f"camera {camera.name}: the largest bright region is too small to be the beam"
         )
     box = cv2.approxPolyN(hull, 4)[0].astype(float)
-    for last in (False, False, True):  # points go to the nearest side, sides to their points
+    for last in (False, False, True):  # assign points to the nearest side, then refit the sides
         sides = [*zip(box, np.roll(box, -1, axis=0), strict=True)]
         distances, lines = [], []
         for a, b in sides:
@@ -155,7 +155,7 @@ def _find_quadrilateral(image: Image, camera: Camera) -> Array:
         for side, (a, b) in enumerate(sides):
             own = points[nearest == side]
             along = (own - a) @ (b - a) / np.sum((b - a) ** 2)
-            own = own[(along > 0.03) & (along < 0.97)]  # corners are round
+            own = own[(along > 0.03) & (along < 0.97)]  # corners are rounded
             if len(own) < 2:
                 own = np.stack([a, b])
             vx, vy, x0, y0 = cv2.fitLine(own.astype(np.float32), cv2.DIST_HUBER, 0, 0.01, 0.01)
@@ -170,18 +170,18 @@ def _find_quadrilateral(image: Image, camera: Camera) -> Array:
     if lengths[0] + lengths[2] < lengths[1] + lengths[3]:
         box = np.roll(box, -1, axis=0)
     (x, y), (x_next, y_next) = box.T, np.roll(box, -1, axis=0).T
-    if np.sum(x * y_next - y * x_next) > 0:  # seen from above it runs this way
+    if np.sum(x * y_next - y * x_next) > 0:  # order the corners as seen from above
         box = box[[1, 0, 3, 2]]
     return np.asarray(box.T)
 
 
 def _hole_darkness(image: Image, view: View) -> float:
-    """Return the darkness where the hole should be: 0 as the beam, 1 as the nearest marker."""
+    """Return the darkness at the hole's expected place: 0 as the beam, 1 as the nearest marker."""
     markers = view.markers
     hole, grid = markers.positions[:, -1:], markers.positions[:, : markers.count]
     marker = grid[:, [np.argmin(np.hypot(*(grid - hole)))]]
-    # Without a hole the structure is seen as far from the nearest markers of the same row, or of
-    # others, as the hole is from its own: there the same lies around.
+    # The beam's grey level is sampled at the hole's offset from its nearest marker, but relative to
+    # other markers, those of the same row first: the surroundings are alike there.
     steps = grid - marker
     inward = np.sign(np.array(markers.extent)[:, None] / 2 - hole)
     order = np.lexsort([np.abs(steps[0]), np.sum(steps * inward, axis=0) <= 0, np.abs(steps[1])])
@@ -202,21 +202,21 @@ def _hole_darkness(image: Image, view: View) -> float:
     return (white - dark) / max(white - print_, 10.0)
 
 
-GROUND_QUANTILE = 0.2  # of a row or column that the structure leaves free, at least
-ROW_BLUR_PX = 2.0  # px over which the light of rows varies little, standard deviation
-COARSE_STEP_PX = 8  # px of the frame in one of those in which its ground is looked for
-# Of the frame's width, beyond which ground is seen from everywhere on the structure
+GROUND_QUANTILE = 0.2  # the structure leaves at least this fraction of a row or column free
+ROW_BLUR_PX = 2.0  # standard deviation of the smoothing over rows: light varies little over it
+COARSE_STEP_PX = 8  # px of the frame per px of the reduced image in which ground is searched
+# Fraction of the frame's width within which there is ground around every point of the structure
 GROUND_REACH = 0.12
-MIN_GROUND_LEVEL = 4.0  # grey levels of a ground that tell its light
-WHITE_LEVEL = 250.0  # grey level of the brightest hundredth of an evened frame
+MIN_GROUND_LEVEL = 4.0  # least grey level of the ground from which the light can be estimated
+WHITE_LEVEL = 250.0  # grey level of the 99 % quantile of an evened frame
 
 
 def even_light(image: Image) -> Iterator[Image]:
-    """Yield a frame as it is, and divided by three estimates of its light.
+    """Yield a frame as it is, then divided by three estimates of its illumination.
 
-    Light that flickers brightens rows of a rolling shutter unevenly, or columns in an upright
-    frame; a lamp at the side brightens one part more. Each estimate is the brightness of the ground
-    that the structure lies on: of each row, of each column, or around each place.
+    Flickering light brightens rows of a rolling shutter unevenly, or columns in an upright frame; a
+    lamp at the side brightens one part more. Each estimate is the brightness of the ground on which
+    the structure lies: in each row, in each column, or around each pixel.
     """
     yield image
     grey = image.astype(float)
@@ -234,7 +234,7 @@ def even_light(image: Image) -> Iterator[Image]:
 
 
 def _divide_light(grey: Array, light: Array) -> Image:
-    """Return the grey levels over those of the light, so that the brightest are nearly white."""
+    """Divide grey levels by those of the light; scale them so that the brightest are near white."""
     ratio = grey / np.maximum(light, MIN_GROUND_LEVEL)
     white = max(float(np.quantile(ratio, 0.99)), 1e-9)
     return np.asarray(np.clip(WHITE_LEVEL * ratio / white, 0, 255), np.uint8)

@@ -1,11 +1,11 @@
-"""From frames to marker centres (thesis 5.1.2, Appendix F).
+"""Detection of marker centres in frames (thesis 5.1.2, Appendix F).
 
-The four corners of the beam give a homography to its plane. The frame is resampled on that plane,
-without lens distortion and cropped to the beam; a disc is matched to it; the matches are assigned
-to the grid that the frames before predict, the hole included, which keeps it from being taken for
-a marker. Each match is then refined in the frame itself, where no resampling has touched it, by a
-least-squares fit of a blurred ellipse whose shape the homography tells. What is hidden, cut off
-or doubtful comes back as NaN.
+The four corners of the beam determine the homography to its plane. The frame is resampled on that
+plane, without lens distortion and cropped to the beam, and matched with a disc. The matches are
+assigned to the grid predicted from earlier frames; it includes the hole, which is therefore not
+taken for a marker. Each match is refined in the original frame, without resampling, by a
+least-squares fit of a blurred ellipse whose shape follows from the homography. Markers that are
+hidden, cut off or doubtful are NaN.
 """
 
 import contextlib
@@ -21,29 +21,29 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.homography import TrackingError, View, fit_homography
 from thesis_lib.vision.pinhole import HALF_PIXEL, undistort_pixels
 
-PIXELS_PER_MARKER = 10  # of the resampled beam in a marker's diameter
-# Diameters that it is searched beyond the beam: more than a row moves on its plane
+PIXELS_PER_MARKER = 10  # pixels of the resampled beam in a marker's diameter
+# Search margin around the beam in marker diameters: more than a row moves on the beam's plane
 SEARCH_DIAMETERS = 5
-# What that gives for the thesis's markers
+# Resulting scale and margin for the thesis's markers
 THESIS_SCALE_PX_PER_M, THESIS_REACH_M = 2000.0, 0.025
-MAX_RESAMPLED_PIXELS = 2e7  # pixels of the resampled beam
-MAX_GRID_RMS_PX = 1.5  # px from the grid, rms, from which the markers are taken for others
-BLUR_RANGE_PX = (0.15, 1.5)  # px
-LEAST_SCORE = 0.45  # of the correlation with a disc, for a match to be considered
-# Rms residual over contrast from which a fit is doubtful. Printed dots before a real camera leave
-# up to 0.16; an unsharp mask of amount 2 puts up to a tenth of them above 0.15, one of amount 4 a
-# third. With 0.25 those were kept, but so were discs turned out of their plane and 0.13 px off.
+MAX_RESAMPLED_PIXELS = 2e7
+MAX_GRID_RMS_PX = 1.5  # rms distance from the grid above which the detected markers are wrong
+BLUR_RANGE_PX = (0.15, 1.5)
+LEAST_SCORE = 0.45  # least correlation coefficient of a match with a disc
+# Rms residual over contrast from which a fit is doubtful. Printed dots in a real camera have up to
+# 0.16; an unsharp mask of amount 2 lifts up to a tenth of them above 0.15, one of amount 4 a third.
+# A limit of 0.25 accepted those, but also discs tilted out of their plane and 0.13 px off.
 MAX_POOR_SHARE = 0.15
-EDGE_STD_PX = 0.05  # px by which the beam's edge may be off its place
-NOISE_GREY = 3.0  # grey levels against which that is weighed
+EDGE_STD_PX = 0.05  # prior standard deviation of the beam's edge from its expected position
+NOISE_GREY = 3.0  # image noise, grey levels, that weighs this prior against the pixels
 GAUSS_NEWTON_STEPS = 4
 cached_rule = cache(np.polynomial.legendre.leggauss)
 
 
 def sharpen_view(image: Image, view: View) -> View:
-    """Return the view with the homography of all markers at rest, and the blur that fits them best.
+    """Fit the homography of a view to all markers at rest, and its blur.
 
-    A :class:`TrackingError` says that fewer than half are found, or do not fit their grid.
+    A :class:`TrackingError` is raised if fewer than half are found, or do not fit their grid.
     """
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
@@ -84,7 +84,7 @@ def sharpen_view(image: Image, view: View) -> View:
 
 
 def _fit_blur(image: Image, view: View, found: Array) -> float:
-    """Return the blur in px that fits best; the one the view has if nothing fits."""
+    """Fit the blur in px; return that of the view if no marker can be fitted."""
 
     def misfit(blur: float) -> float:
         value = refine_centres(image, replace(view, blur=blur), found)[1]
@@ -97,24 +97,24 @@ def _fit_blur(image: Image, view: View, found: Array) -> float:
 
 
 def gate_of(markers: Markers) -> float:
-    """Return the largest distance of a match from where a marker is expected, m."""
+    """Return the largest distance of a match from a marker's expected place, m."""
     return 0.45 * float(markers.nearest.min())
 
 
 class Tracker:
-    """Tracks the markers of one camera, frame after frame.
+    """Tracks the markers of one camera, frame by frame.
 
     Parameters
     ----------
     view : View
-        How the camera sees the beam's plane.
+        Projection of the beam's plane into the camera.
     turn : float
-        Angle ωΔt of the vibration from frame to frame in rad; 0 if it is not known.
+        Phase advance ωΔt of the vibration per frame in rad; 0 if unknown.
 
     Attributes
     ----------
     matched : ndarray, shape (2, markers)
-        Centres in px by template matching alone, to whole pixels of the resampled frame, for the
+        Centres in px by template matching alone, to whole pixels of the resampled frame, in the
         last frame given to :meth:`centres`; NaN where missing.
 
     Raises
@@ -127,7 +127,7 @@ class Tracker:
         self.view, self.turn = view, turn
         markers = view.markers
         self.scale = PIXELS_PER_MARKER / markers.diameter  # px/m of the resampled beam
-        self.reach = SEARCH_DIAMETERS * markers.diameter  # beyond the beam, m
+        self.reach = SEARCH_DIAMETERS * markers.diameter  # search margin around the beam, m
         self.origin = np.full(2, -self.reach) + 0.5 / self.scale
         nx, ny = (int(self.scale * (size + 2 * self.reach)) for size in markers.extent)
         if nx * ny > MAX_RESAMPLED_PIXELS:
@@ -152,7 +152,7 @@ class Tracker:
     def centres(self, image: Image) -> Array:
         """Return the markers' centres in px, (2, markers), without the hole; NaN where missing.
 
-        Frames are to be given in their order: what moved before tells where to look.
+        Frames must be given in order: earlier displacements predict the positions.
         """
         found = self._assign_matches(self.matches(image))
         self.matched = self.view.to_image(found[:, : self.view.markers.count])
@@ -163,10 +163,10 @@ class Tracker:
         return uv[:, : self.view.markers.count]
 
     def _assign_matches(self, matches: Array) -> Array:
-        """Assign a match to each marker, by the predictions that miss fewest."""
-        # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 goes straight on.
+        """Assign a match to each marker, using the prediction with the fewest missing markers."""
+        # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 is uniform motion.
         ahead = [2 * np.cos(self.turn) * self.moved - self.before]
-        if self.turn == 0:  # it may be anything: what was taken for its neighbour must not stay so
+        if self.turn == 0:  # unknown motion: recover markers that were confused with a neighbour
             ahead += [np.zeros_like(self.moved), self.moved]
         found: list[Array] = []
         for one in ahead:
@@ -177,11 +177,11 @@ class Tracker:
         return min(found, key=lambda places: np.count_nonzero(np.isnan(places)))
 
     def resampled(self, image: Image) -> Image:
-        """Return the frame on the beam's plane, cropped (figure F.4)."""
+        """Resample the frame on the beam's plane, cropped to beam and margin (figure F.4)."""
         return np.asarray(cv2.remap(image, *self.maps, cv2.INTER_LINEAR), np.uint8)
 
     def matches(self, image: Image) -> Array:
-        """Return places (2, n) of the plane in m where a disc matches best (figure F.6)."""
+        """Return the places (2, n), m, on the plane that match a disc best locally (figure F.6)."""
         score = cv2.matchTemplate(self.resampled(image), self.template, cv2.TM_CCOEFF_NORMED)
         highest = cv2.dilate(score, np.ones((7, 7), np.uint8))
         rows, columns = np.nonzero((score == highest) & (score > LEAST_SCORE))
@@ -192,8 +192,8 @@ class Tracker:
 def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
     """Fill in displacements of missing markers from a smooth surface through the others.
 
-    Thin-plate splines through the nearest markers; where few are seen or those on a line, missing
-    ones stay as they were in the frame before.
+    The surface is a thin-plate spline through the nearest markers. If few markers are visible, or
+    if they are collinear, missing markers keep their displacement `last`.
     """
     known = np.isfinite(seen[0])
     filled = np.where(known, seen, last)
@@ -208,14 +208,14 @@ def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
 
 
 def assign_places(predicted: Array, found: Array, gate: float) -> Array:
-    """Give each predicted place (2, n) at most one of the found ones, nearest in the sum.
+    """Assign found places to predicted places (2, n), with the least sum of squared distances.
 
-    The Hungarian method on squared distances; pairs farther apart than `gate` are not made, so a
-    hidden marker takes no neighbour's place. Places (2, n) are NaN where nothing was found.
+    The Hungarian method makes no pairs farther apart than `gate`, so a hidden marker does not get
+    its neighbour's place. Places (2, n) are NaN where nothing was found.
     """
     places = np.full_like(predicted, np.nan)
     squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
-    squared = np.minimum(squared, gate**2)  # all that is too far costs the same
+    squared = np.minimum(squared, gate**2)  # equal cost for all pairs that are too far apart
     rows, columns = scipy.optimize.linear_sum_assignment(squared)
     near = squared[rows, columns] < gate**2
     places[:, rows[near]] = found[:, columns[near]]
@@ -223,17 +223,17 @@ def assign_places(predicted: Array, found: Array, gate: float) -> Array:
 
 
 def refine_centres(image: Image, view: View, plane: Array) -> tuple[Array, float]:
-    """Return centres in px by a least-squares fit of blurred discs on a white beam to the frame.
+    """Fit blurred discs on a white beam to the frame by least squares; return centres, misfit.
 
     The model of the grey levels around a marker is g + (b − g) W − c D: W is 1 on the beam and D
-    on the marker, both blurred by a Gaussian and by the pixel's own area. Fitted are the centre, b,
-    c and, where the beam's edge is near, its place to within what a moving beam's nearness does to
-    it; the background's g is measured.
+    on the marker, both blurred by a Gaussian and by the pixel's own area. The unknowns are the
+    centre, b, c and the position of a nearby edge of the beam, with a prior for its change as the
+    moving beam's distance varies; g is the measured background.
 
-    `plane` (2, n) is a first guess on the plane in m, of all markers in their order. Centres (2, n)
-    are NaN where the guess is, where a marker is cut off by the frame's border, and where the fit
-    is poor. The second value is the misfit: the median over the markers of the rms residual over
-    the contrast; NaN without markers.
+    `plane` (2, n) is the initial guess on the plane in m for all markers in order. Centres (2, n)
+    in px are NaN where the guess is NaN, where the frame's border cuts a marker off, and where the
+    fit is poor. The misfit is the median over the markers of the rms residual over the contrast;
+    NaN without markers.
     """
     uv = np.full_like(plane, np.nan)
     known = np.flatnonzero(np.isfinite(plane[0]))
@@ -293,14 +293,14 @@ def refine_centres(image: Image, view: View, plane: Array) -> tuple[Array, float
 
 
 class Patch:
-    """The beam around some markers, with straight edges along it; its ends are left out."""
+    """The beam around some markers, with straight long edges; its ends are not modelled."""
 
     def __init__(self, view: View, which: IntArray, plane: Array, ellipses: Array) -> None:
         markers, self.blur = view.markers, view.blur
         x, y = markers.positions[:, which]
         length, width = markers.extent
         radius = markers.diameter / 2
-        gradient = radius * np.linalg.inv(ellipses)  # of the plane's x and y, m per px
+        gradient = radius * np.linalg.inv(ellipses)  # of the plane's x and y in the image, m per px
         steep = np.linalg.norm(gradient, axis=2).T
         self.normals = (gradient / steep.T[:, :, None]).transpose(1, 2, 0)[..., None, None]
         here, across = view.to_image(plane), self.normals[1, ..., 0, 0]
@@ -310,17 +310,17 @@ class Patch:
             for edge in (0, width)
         ]
         self.ends = [x / steep[0], (length - x) / steep[0]]
-        # Up to where, in px, a pixel along or across sees no other marker.
+        # Distance in px, along and across, up to which a pixel shows no other marker.
         other, own = markers.clear[:, which] / steep, radius / steep
         self.free = np.maximum(other - own - 2 * self.blur - 0.5, 0.5 * other)[..., None, None]
 
     def _offset(self, axis: int, du: Array, dv: Array) -> Array:
-        """Return the distance in px from the marker across rows or columns, (n, rows, columns)."""
+        """Return the distance from the marker along x (0) or y (1), px, (n, rows, columns)."""
         nu, nv = self.normals[axis]
         return np.asarray(nu * du[:, None, :] + nv * dv[:, :, None])
 
     def usable(self, du: Array, dv: Array) -> Mask:
-        """Return the pixels that see no other marker, nor much of what is beyond the structure."""
+        """Return the mask of pixels that show no other marker and little beyond the structure."""
         along, across = (self._offset(axis, du, dv) for axis in (0, 1))
         left, right, low, high = (part[:, None, None] for part in (*self.ends, *self.edges))
         spare, clear = 1 + self.blur, 1 + 2.5 * self.blur
@@ -335,14 +335,14 @@ class Patch:
         return inside
 
     def background(self, grey: Array, du: Array, dv: Array) -> float:
-        """Return grey level beside the beam: the median of the pixels that see nothing of it."""
+        """Return the grey level next to the beam: the median of the pixels entirely outside it."""
         across, clear = self._offset(1, du, dv), 1 + 2.5 * self.blur
         low, high = (part[:, None, None] for part in self.edges)
         beside = grey[(across < -low - clear) | (across > high + clear)]
         return float(np.median(beside)) if beside.size >= 20 else float(np.min(grey))
 
     def beam(self, du: Array, dv: Array, outer: Array) -> tuple[Array, Array]:
-        """Return the beam's share of each pixel, edges moved outward, and its derivative."""
+        """Return the beam's share of each pixel, edges moved `outer` px outward, and its slope."""
         n, rows, columns = len(du), dv.shape[1], du.shape[1]
         share, slope = np.ones((n, rows, columns)), np.zeros((n, rows, columns))
         across, half = self._offset(1, du, dv), HALF_PIXEL / self.blur
@@ -357,15 +357,15 @@ class Patch:
 
 
 def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
-    """Return blurred indicators of ellipses and their derivatives in the centre.
+    """Return blurred indicator functions of ellipses and their derivatives w.r.t. the centre.
 
-    An ellipse is cut into chords along u. Blurred along u a chord is a difference of two normal
-    distributions, and its spread along v a normal density. Both are integrated over the pixel;
-    what it sees is their product, summed over the chords by Gauss–Legendre's rule.
+    An ellipse is cut into chords along u. A chord blurred along u is a difference of two normal
+    distributions, and blurred along v a normal density. Both are integrated over the pixel; the
+    sum of their products over the chords (Gauss–Legendre quadrature) is the pixel's value.
 
-    Pixel centres u (n, columns) and v (n, rows) count from the ellipses' centres, in px as `blur`,
-    the standard deviation; each of the `ellipses` (n, 2, 2) is what its matrix makes of the unit
-    disc. The result (3, n, rows, columns) is the indicator, and its derivatives in u and v in 1/px.
+    Pixel centres u (n, columns) and v (n, rows) are relative to the ellipses' centres, in px like
+    the standard deviation `blur`; each matrix of `ellipses` (n, 2, 2) maps the unit disc to one.
+    The result (3, n, rows, columns) is the indicator and its derivatives w.r.t. u and v in 1/px.
     """
     tall = np.linalg.norm(ellipses[:, 1], axis=1)
     nodes, weights = cached_rule(int(3 * tall.max() / blur) + 6)
@@ -373,7 +373,7 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
     across = ellipses[:, 1] / tall[:, None]
     lean = np.sum(ellipses[:, 0] * across, axis=1)[:, None] * sine
     wide = np.abs(np.linalg.det(ellipses) / tall)[:, None] * cosine
-    # A pixel ends where the next begins, so what is wanted is taken at the borders, one px apart.
+    # Neighbouring pixels share a border, so the integrals are evaluated at borders one px apart.
     columns, rows = (np.hstack([x - HALF_PIXEL, x[:, -1:] + HALF_PIXEL]) for x in (u, v))
     ends = (
         (columns[:, None, :] - (lean + side * wide)[:, :, None]) / blur for side in (-1, 1)
@@ -390,11 +390,10 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
 
 
 def _normal_density(x: Array) -> Array:
-    """Return the normal density."""
     return np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
 
 
 def _ramp_and_normal(x: Array) -> Array:
-    """Return the integral of the normal distribution, and itself, shape (2, ...)."""
+    """Return the integral of the normal distribution, and the distribution, shape (2, ...)."""
     normal = scipy.special.ndtr(x)
     return np.stack([x * normal + _normal_density(x), normal])

@@ -1,6 +1,6 @@
-"""Markers followed through a recording of any length, on disk as they are found.
+"""Marker tracks of recordings of any length, written to disk frame by frame.
 
-Centres go to a file that is read back in parts: memory does not grow with their number.
+The file of centres is read back in parts: memory does not grow with the number of frames.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ class Recording:
 
     camera: Camera  #: Calibrated
     rate: float  #: Frames per second
-    delay: float  #: Start after the reference camera's, s
+    delay: float  #: Start after that of the reference camera, s
     exposure: float  #: Exposure time in s
     #: Time from the first row's exposure to the last row's, s; a frame's time is the middle row's
     readout: float
     #: File of the centres (frames, 2, markers) in px, lens distortion included, NaN where missing
     path: Path
-    notes: Sequence[str] = ()  #: What went wrong on the way
+    notes: Sequence[str] = ()  #: Warnings from tracking
     stamps: Array | None = None  #: Times of the frames by the camera's own clock, s; None: k / rate
-    pace: float = 1.0  #: Seconds of the reference's clock for one of its own
-    #: Numbers of the frames that repeat the one before
+    pace: float = 1.0  #: Seconds of the reference clock per second of the camera's clock
+    #: Indices of the frames that repeat the one before
     repeats: IntArray = field(default_factory=lambda: np.zeros(0, int))
 
     @property
@@ -46,22 +46,22 @@ class Recording:
         return own * self.pace + self.delay
 
     def paced(self, pace: float, at: float) -> Recording:
-        """Return the recording with a clock that runs this much slower, and is right at a time."""
+        """Return the recording with its times scaled by `pace` about the time `at`."""
         return replace(self, pace=self.pace * pace, delay=at + (self.delay - at) * pace)
 
     @property
     def centres(self) -> Array:
-        """The centres, mapped from the file."""
+        """Return the centres, memory-mapped from the file."""
         return np.load(self.path, mmap_mode="r")
 
     def between(self, begin: float, end: float) -> tuple[int, int]:
-        """Return the first frame from a time on and the last before another, reference clock."""
+        """Return the first frame between two times of the reference clock, and the end index."""
         slack = 1e-6 / self.rate
         first, last = np.searchsorted(self.times, [begin - slack, end + slack])
         return int(first), int(last)
 
     def parts(self, begin: float, end: float) -> Iterator[tuple[Array, Array]]:
-        """Yield times (n,) in s and undistorted centres (n, 2, markers), some frames at once."""
+        """Yield times (n,) in s and undistorted centres (n, 2, markers), in chunks of frames."""
         first, last = self.between(begin, end)
         times, centres = self.times, self.centres
         for start in range(first, last, CHUNK_FRAMES):
@@ -85,14 +85,14 @@ def record_track(
     tick: Callable[[int], object],
     shares: Sequence[float] = (),
 ) -> tuple[list[str], IntArray]:
-    """Follow the markers through a camera's video into a file, whole or not at all.
+    """Track the markers in a camera's video; write the file of centres whole or not at all.
 
     The video is in the manifest's folder; `clock` (frames,) are the times of its frames after the
-    first, s. Centres go to `path` (``.npy``). `tick` is called with the number of frames that are
-    done. `turn` and `shares` are those of :func:`~.follow.trackers_of`. With shares the file holds
-    (frames, 2 shares, 2, markers): the centres at each width, then those by the template match
-    alone, where Appendix F stops. Returned are the notes of :func:`~.follow.trackers_of`, and the
-    numbers of the frames that repeat the one before.
+    first, s. Centres are written to `path` (``.npy``). `tick` is called with the number of finished
+    frames. `turn` and `shares` are those of :func:`~.follow.trackers_of`. With shares the file has
+    the shape (frames, 2 shares, 2, markers): the centres at each width, then those from template
+    matching alone, where Appendix F stops. Returns the notes of :func:`~.follow.trackers_of`, and
+    the indices of the frames that repeat the one before.
     """
     video = folder / files.video
     first = homography.as_dark(next(media.read_frames(video, 0, 1)), markers)
@@ -124,5 +124,5 @@ def record_track(
 
 
 def share_lost(recording: Recording) -> Array:
-    """Return the share of the frames in which each marker is missing, shape (markers,)."""
+    """Return the fraction of the frames in which each marker is missing, shape (markers,)."""
     return np.isnan(recording.centres[:, 0]).mean(axis=0)
