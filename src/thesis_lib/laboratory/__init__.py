@@ -1,1 +1,1 @@
-"""Recordings that are rendered, with known truth."""
+"""Rendered recordings with known truth."""

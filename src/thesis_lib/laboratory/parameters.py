@@ -1,8 +1,8 @@
-"""Parameters of what is rendered, and what is refused.
+"""Parameters of rendered experiments, and their validation.
 
-A request is refused where its result would say nothing: an alias that no fit can use, a frame that
-lasts nearly a period, a motion that looks as large as the way to the next marker, a structure that
-is not all in the image, markers that are hardly a pixel high.
+A request is refused where its result would be meaningless: an alias that no fit can use, an
+exposure of nearly a period, an apparent motion close to the marker spacing, a structure partly
+outside the image, markers that are hardly a pixel high.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from thesis_lib.vibration.motion import alias_clearance
 from thesis_lib.vibration.structure import Structure, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
-MIN_ALIAS_PERIODS = 0.5  # periods that an alias stays away from 0 and from half of the frame rate
-MAX_EXPOSURE_PERIODS = 0.8  # of a period that a frame may last
-MAX_APPARENT_SHIFT = 0.4  # of the markers' spacing that a marker may seem to move
-MAX_VIEW_EXTENT = 0.98  # of half the image that the structure may reach
-MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's image is high
+MIN_ALIAS_PERIODS = 0.5  # distance of an alias from 0 and half of the frame rate, times duration
+MAX_EXPOSURE_PERIODS = 0.8  # longest exposure over a period
+MAX_APPARENT_SHIFT = 0.4  # largest apparent motion over the markers' spacing
+MAX_VIEW_EXTENT = 0.98  # largest extent of the structure over the image
+MIN_MARKER_HEIGHT_PX = 1.0  # least height of a marker's image
 
 Sizes = tuple[float, float]  # m
 Given = tuple[str, Any]  # a field and its value
@@ -59,7 +59,7 @@ class CameraParameters(fields.Fields):
 
 
 class RenderParameters(CameraParameters):
-    """Parameters of how anything is rendered; recordings add frame rates, modes and amplitudes."""
+    """Parameters of rendering; recordings add frame rates, modes and amplitudes."""
 
     exposure_ms: fields.BriefExposure = 2.0
     frames: fields.Frames = 24
@@ -80,8 +80,8 @@ class RenderedStudy(request.Study):
     predicts = "noise of the centres"
     draws = "recordings"
 
-    # Parameters that no recording depends on, that only choose among recordings, and that only
-    # the estimates from recordings depend on
+    # Parameters that affect no recording, that only select recordings, and that affect only the
+    # estimates from recordings
     analysis_only: ClassVar[frozenset[str]] = frozenset()
     selection_only: ClassVar[frozenset[str]] = frozenset()
     estimation_only: ClassVar[frozenset[str]] = frozenset()
@@ -93,7 +93,7 @@ class RenderedStudy(request.Study):
 
     @property
     def recordings(self) -> RenderedStudy:
-        """The request for recordings, which other figure sets may use, too."""
+        """Return the request for the recordings, which other figure sets may share."""
         return self
 
     @property
@@ -103,17 +103,17 @@ class RenderedStudy(request.Study):
 
     @property
     def rendering(self) -> str:
-        """Parameters that recordings depend on, as JSON."""
+        """Return the parameters that recordings depend on, as JSON."""
         others = self.analysis_only | self.selection_only | self.estimation_only
         return self.model_dump_json(exclude={"cube", "trials", "repeats", *others})
 
     @property
     def estimation(self) -> str:
-        """Parameters that only estimates from recordings depend on, as JSON."""
+        """Return the parameters that only estimates from recordings depend on, as JSON."""
         return self.model_dump_json(include=set(self.estimation_only))
 
     def wanted_replicates(self, stored: int) -> int:
-        """Return how many replicates are wanted where so many are stored."""
+        """Return the number of replicates wanted, given the number stored."""
         return self.trials + 1
 
 
@@ -125,13 +125,13 @@ class Repeated(RenderedStudy):
     these; the bands are over the others"""
 
     def wanted_replicates(self, stored: int) -> int:
-        """Return how many replicates are wanted where so many are stored."""
+        """Return the number of replicates wanted, given the number stored."""
         count = max(stored, 1) if self.repeats == "kept" else self.repeats
         return min(count, self.trials + 1)
 
 
 def check_motions(film: Any, structure: Structure, name: str, rates: Sequence[float]) -> None:
-    """Refuse amplitudes that are not one for each mode, and rates that do not show the modes."""
+    """Refuse a list of amplitudes without one for each mode, and rates that hide the modes."""
     given, modes = film.amplitude_mm, film.modes
     if isinstance(given, list) and len(given) != len(modes):
         film.refuse("amplitude_mm", "allowed: a list with one for each mode")
@@ -148,7 +148,7 @@ def check_rates(
 ) -> None:
     """Refuse rates at which no fit can use an alias, and exposures that are too long.
 
-    `hertz` are the frequencies that frames show, by their names; `name` is the field of the rates.
+    `hertz` are the frequencies to be observed, by name; `name` is the field of the rates.
     """
     for rate in rates:
         for shown, frequency in hertz.items():
@@ -177,10 +177,10 @@ def check_frequency(film: Any, share: float) -> None:
 
 
 def check_place(film: Any, extent: Sizes, lift: float, setting: Setting, place: Given) -> None:
-    """Refuse cameras within a structure's reach, or that do not see all of it in 16:9 images.
+    """Refuse cameras within a structure's reach, or without all of it in their 16:9 images.
 
-    The structure's `extent` and largest deflection `lift` are in m; `place` is the field that puts
-    the cameras there, with its value.
+    The structure's `extent` and largest deflection `lift` are in m; `place` is the field that sets
+    the cameras' positions, with its value.
     """
     near = setting.distance_mm <= 1000 * (math.hypot(*extent) / 2 + lift)
     box = np.array([*extent, 2 * lift]) / 2
@@ -204,8 +204,8 @@ def check_markers(
 ) -> None:
     """Refuse markers too small to be found, and motions that bring them near their neighbours.
 
-    Their least distance and diameter (`sizes`), the largest deflection `lift`, and that by a
-    `twist` besides, are in m.
+    `sizes` are the least distance and the diameter of markers, `lift` the largest deflection by
+    bending and `twist` that by torsion, in m.
     """
     spacing, diameter = sizes
     slope = math.radians(min(elevation for _, elevation in setting.directions_deg))
@@ -225,7 +225,7 @@ def check_markers(
 
 
 class RigRequest(fields.Fields):
-    """Parameters of what is rendered, and with what."""
+    """Parameters of a rendered rig, its vibration and its recordings."""
 
     focal_length_mm: fields.FocalLength = THESIS_RIG["focal_length_mm"]
     sensor_width_mm: fields.SensorWidth = THESIS_RIG["sensor_width_mm"]

@@ -1,4 +1,4 @@
-"""The files of a recording: videos, sound, calibration images, manifest; and an example of them."""
+"""Files of a rendered recording: videos, audio, calibration images, manifest; an example."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import Beam, Plate, Structure
 
-SAMPLE_RATE_HZ = 48000  # Hz
+SAMPLE_RATE_HZ = 48000
 Codec = Literal["ffv1", "h264"]
 
 
@@ -54,10 +54,10 @@ def render_board_images(rig: Rig, index: int) -> Iterator[Image]:
 def write_recording(
     rig: Rig, folder: Path, codec: Codec = "ffv1", filmed: Rig | None = None
 ) -> Path:
-    """Write videos and board images of all cameras, side by side; return the manifest's path.
+    """Write videos and board images of all cameras in parallel; return the manifest's path.
 
-    Camera A's are ``A.mkv``, with its sound, and ``A/00.png`` and so on. The videos are those of
-    the rig as `filmed`, whose cameras may read parts of their sensors.
+    Camera A's are ``A.mkv``, with its audio, and ``A/00.png`` and so on. `filmed` replaces the rig
+    for the videos; its cameras may read parts of their sensors.
     """
 
     def write_camera(index: int) -> None:
@@ -107,7 +107,7 @@ def manifest_of(rig: Rig) -> Manifest:
 
 
 def _describe_structure(structure: Structure, markers: Markers) -> manifest_parts.StructureSpec:
-    """Describe the structure: markers by rows where they stand in such, else one by one."""
+    """Describe the structure, with markers by rows where they form such, else by points."""
     x, y = structure.force_point[:, 0]
     own: dict[str, Any] = {"kind": "beam"}
     if isinstance(structure, Plate):
@@ -139,7 +139,7 @@ def _describe_structure(structure: Structure, markers: Markers) -> manifest_part
     by_points = manifest_parts.StructureSpec(**own, markers=MarkersSpec(**given, **points))
     try:
         by_rows = manifest_parts.StructureSpec(**own, markers=MarkersSpec(**given, **rows))
-    except ValidationError:  # they are no rows
+    except ValidationError:  # the markers form no rows
         return by_points
     one, other = by_rows.marker_points, by_points.marker_points
     near = one.shape == other.shape and np.allclose(one, other, atol=1e-8)
@@ -154,7 +154,7 @@ EXAMPLE_DIRECTIONS_DEG = ((12.0, 26.0), (-10.0, 25.0), (175.0, 27.0))  # azimuth
 EXAMPLE_AMPLITUDE_M = 0.003  # m at the tip
 EXAMPLE_SIZE_PX = (1280, 720)
 EXAMPLE_CRF = 18  # of H.264
-JPEG_QUALITY = 92  # of the board's images, JPEG
+JPEG_QUALITY = 92  # of the board images
 FOCAL_MM, SENSOR_MM = 24.0, 36.0
 
 
@@ -173,7 +173,7 @@ def example_rig() -> Rig:
 
 
 def example_manifest(rig: Rig) -> Manifest:
-    """Return the manifest of the example, with what the warnings before measuring ask for."""
+    """Return the manifest of the example, with the fields that the feasibility check needs."""
     manifest, cameras = manifest_of(rig), []
     lens = {"focal_length_mm": FOCAL_MM, "sensor_width_mm": SENSOR_MM, "f_number": 11.0}
     pairs = zip(manifest.cameras, EXAMPLE_DIRECTIONS_DEG, strict=True)
@@ -186,9 +186,9 @@ def example_manifest(rig: Rig) -> Manifest:
 
 
 def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
-    """Render the example into a folder, which must not hold anything yet; return the manifest.
+    """Render the example into a new or empty folder; return the path of its manifest.
 
-    It is there whole or not at all; a folder that is a file or not empty is a FileExistsError.
+    The folder is never partial. Raise FileExistsError if it is a file, or not empty.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FileExistsError(f"{folder}: is there already, allowed: a new or empty folder")

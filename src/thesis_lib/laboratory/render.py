@@ -1,10 +1,10 @@
-"""Images of polygons: exact areas of pixels, point spread, noise, eight bits.
+"""Rendering of polygons: exact pixel coverage, point spread, noise, eight bits.
 
 A scene is a set of flat colours bounded by closed polygons in space. Their vertices are projected
 exactly, lens distortion included; the share of each pixel that a polygon covers is then the exact
 area of the projected polygon in the pixel, summed edge by edge (the signed-area method of font
-rasterisers). The approximations are the number of vertices and, where the light spreads, that it
-does so between half pixels.
+rasterisers). The approximations are the number of vertices, and that the point spread is computed
+on half pixels.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from thesis_lib.vibration.motion import Motion
 from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vision import pinhole
 
-# The spread acts on pixels this much finer: light is spread before pixels collect it
+# The point spread acts on finer pixels: light spreads before pixels collect it
 SUBPIXELS_PER_PIXEL = 2
-OUTLINE_STEP_M = 0.004  # between the places of an outline that are drawn
+OUTLINE_STEP_M = 0.004  # between vertices of a drawn outline
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """What turns light into grey levels."""
+    """Exposure, point spread, noise and grey levels of a camera sensor."""
 
     exposure: float = 1 / 250  #: Exposure time in s; a frame's time is the middle of it
     samples: int = 8  #: Positions within the exposure that are averaged; 1 freezes the motion
-    #: Standard deviation of the Gaussian point spread in px, beside the pixel's own area
+    #: Standard deviation of the Gaussian point spread in px, in addition to the pixel's own area
     spread: float = 0.6
     #: The variance of the noise is shot · I + read² for a grey level I
     shot: float = 0.05
     read: float = 1.0
-    #: Grey levels of the beam and the board, of the print, and of what lies behind
+    #: Grey levels of the beam and the board, of the print, and of the background
     white: float = 200.0
     dark: float = 30.0
     background: float = 60.0
@@ -46,15 +46,15 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Polygons:
-    """Closed polygons one after the other."""
+    """Closed polygons in one sequence of vertices."""
 
     first: IntArray  #: Index of each polygon's first vertex, shape (polygons,)
-    #: What the polygon adds to the grey level of what is under it, shape (polygons,)
+    #: Grey level that each polygon adds to those below it, shape (polygons,)
     contrast: Array
 
 
 def _join_print(shapes: Sequence[Array], sensor: Sensor) -> tuple[Array, Polygons]:
-    """Join a bright outline and what is printed on it in black, of each the vertices (2, n)."""
+    """Join the vertices (2, n) of a bright outline and of each dark polygon printed on it."""
     contrast = np.full(len(shapes), sensor.dark - sensor.white)
     contrast[0] = sensor.white - sensor.background
     first = np.cumsum([0, *(shape.shape[1] for shape in shapes[:-1])])
@@ -62,18 +62,18 @@ def _join_print(shapes: Sequence[Array], sensor: Sensor) -> tuple[Array, Polygon
 
 
 def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
-    """Return sum of the polygons' contrasts, each weighted with the share of the pixel it covers.
+    """Return the sum of the polygons' contrasts, weighted by the share of each pixel they cover.
 
     `uv` are vertices in px, (2, vertices) or (2, frames, vertices); over several frames the mean is
-    taken. The sum has the shape (height, width); polygons may be joined either way round.
+    taken. The sum has the shape (height, width); polygons may have either orientation.
     """
     start = uv.reshape(2, -1, uv.shape[-1])
     frames, n = start.shape[1:]
-    following = np.arange(1, n + 1)  # the vertex that each is joined to
+    following = np.arange(1, n + 1)  # next vertex of each
     following[np.append(polygons.first[1:], n) - 1] = polygons.first
     stop = start[:, :, following]
     cross = start[0] * stop[1] - start[1] * stop[0]
-    twice_area = np.add.reduceat(cross, polygons.first, axis=1)  # its sign tells which way round
+    twice_area = np.add.reduceat(cross, polygons.first, axis=1)  # signed by orientation
     sizes = np.diff(np.append(polygons.first, n))
     weight = np.repeat(np.sign(twice_area) * polygons.contrast / frames, sizes, axis=1)
     edge, t0, t1 = _cut_edges(start.reshape(2, -1), stop.reshape(2, -1))
@@ -92,7 +92,7 @@ def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -
 
 
 def _cut_edges(start: Array, stop: Array) -> tuple[IntArray, Array, Array]:
-    """Cut edges (2, n) at the borders of pixels: number of the edge, from where to where."""
+    """Cut edges (2, n) at pixel borders; return each part's edge, start and end (in 0…1)."""
     edges = np.arange(start.shape[1])
     ids, cuts = [edges], [np.zeros(len(edges))]
     for from_, to in zip(start, stop, strict=True):
@@ -114,7 +114,7 @@ def _cut_edges(start: Array, stop: Array) -> tuple[IntArray, Array, Array]:
 
 
 class BeamView:
-    """One camera's view of a marked, moving beam: what does not change from frame to frame."""
+    """One camera's view of a marked, moving structure, with data common to all frames."""
 
     VERTICES = 64  # of a marker; 0.007 px from its circle
 
@@ -143,7 +143,7 @@ class BeamView:
         return self.collect_light(time).recorded(self.sensor, rng)
 
     def collect_light(self, time: float) -> Light:
-        """Collect the light around a time in s of the motion."""
+        """Collect the light of an exposure centred at a time in s of the motion."""
         samples = self.sensor.samples
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
         deflection = self.motion.coordinates(time + within).T @ self.shapes
@@ -176,10 +176,10 @@ def render_board(
 
 @dataclass(frozen=True)
 class Light:
-    """What a sensor collects in an exposure."""
+    """Light that a sensor collects in an exposure."""
 
     picture: NDArray[np.float32]  #: Grey levels without noise, shape (height, width)
-    #: Rows and columns beyond which there is background alone; None if nothing is in view
+    #: Rows and columns with more than background; None if nothing is in view
     box: tuple[slice, slice] | None
 
     def recorded(self, sensor: Sensor, rng: np.random.Generator | None = None) -> Image:
@@ -197,7 +197,7 @@ class Light:
 
 
 def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Sensor) -> Light:
-    """Collect the light of polygons before the background; over several frames the mean.
+    """Collect the light of polygons in front of the background, averaged over frames.
 
     `uv` are the vertices in px as :func:`rasterise_polygons` takes them.
     """
@@ -233,21 +233,21 @@ def _divide_sides(vertices: ArrayLike, step: float) -> Array:
     return np.concatenate(sides, axis=1)
 
 
-EDGE_NODES = 256  # of the sum around the edge
+EDGE_NODES = 256  # of the integral around the edge
 
 
 def edge_scatter(width: float, height: float, sensor: Sensor) -> Array:
     """Return the least standard deviation of a disc's centre along u and v, shape (2,), px.
 
-    An edge of contrast c that is blurred by s, seen by pixels with noise σ, tells a shift along its
-    normal n with the information c² / (2√π s σ²) per length. Around the whole edge
+    An edge of contrast c and blur s, in pixels with noise σ, has the Fisher information
+    c² / (2√π s σ²) per length about a shift along its normal n. Around the whole edge
 
         σ_u² = 2√π s σ² / (c² ∮ n_u² dl),  σ_v² = 2√π s σ² / (c² ∮ n_v² dl).
 
-    A flat image has long edges above and below and hardly any at its ends: σ_v stays, σ_u grows.
-    The law holds while opposite edges are farther apart than they are blurred.
+    A flat image has long edges above and below and short ones at its ends: σ_v stays, σ_u grows.
+    The formula holds while opposite edges are farther apart than their blur.
 
-    The image's axes along u and v are `width` and `height` in px. s has the pixel's own area in it,
+    The image's axes along u and v are `width` and `height` in px. s includes the pixel's own area,
     and σ is that of the level between dark and white, rounding included.
 
     Examples

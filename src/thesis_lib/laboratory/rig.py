@@ -1,10 +1,10 @@
 """The rendered laboratory: cameras like those of chapter 5, the structure, and the board.
 
-World time counts from before the first camera starts. Every camera starts when it likes, its clock
-counts from there, and frame k is exposed around k / frame rate on that clock.
+World time begins before the first camera starts. Every camera starts at a random time, at which its
+clock is 0; the exposure of frame k is centred at k / frame rate on that clock.
 
-The board is held in twelve poses that all four cameras can share. Cameras that face each other at
-22° elevation have no good view of one printed face in common: a board that lies flat is seen at 68°
+The board has twelve poses that all four cameras can see. Cameras that face each other at 22°
+elevation have no good view of one printed face in common: a board that lies flat is seen at 68°
 from its normal. The board therefore carries the pattern on both faces and stands upright between
 them: tilted towards one pair it turns away from the other, whose incidence grows by the tilt. Tilts
 up to 42° keep every view below 70°.
@@ -13,7 +13,7 @@ Parallel boards determine no focal length (Zhang 2000, section 4), and tilts abo
 leave the aspect ratio weak, so the board is tilted, turned and rolled, and it is moved through the
 volume that the beam takes up, as far as its corners stay in the images.
 
-Replicates have the same cameras put up again, on other clocks, with other noise.
+Replicates repeat a recording with perturbed camera poses, other clocks and other noise.
 """
 
 import hashlib
@@ -79,7 +79,7 @@ MAX_FORCE_SHARE = 0.5  # largest force on the audio track over full scale
 
 @dataclass(frozen=True)
 class Station:
-    """A camera, what its sensor does, how fast it takes frames, and when it starts."""
+    """A camera with its sensor, frame rate and start time."""
 
     camera: pinhole.Camera  #: Optics and pose
     sensor: Sensor  #: Exposure, spread, noise, grey levels
@@ -89,11 +89,11 @@ class Station:
 
 @dataclass(frozen=True)
 class Rig:
-    """All that is seen and heard."""
+    """Cameras, marked structure, motion and calibration board of a rendered recording."""
 
     stations: tuple[Station, ...]  #: The cameras
-    markers: Markers  #: The beam and what is printed on it
-    motion: Motion  #: How it moves, in world time
+    markers: Markers  #: The structure's extent and its markers
+    motion: Motion  #: Motion of the structure, in world time
     duration: float  #: Length of each recording, s
     #: Power of the force over that of the noise on the audio tracks, dB
     audio_noise_db: float = 20.0
@@ -105,7 +105,7 @@ class Rig:
 
     @property
     def cameras(self) -> list[pinhole.Camera]:
-        """The cameras alone."""
+        """Return the cameras of the stations."""
         return [station.camera for station in self.stations]
 
     @property
@@ -115,7 +115,7 @@ class Rig:
         return float(np.abs(self.motion.force(times)).max()) / MAX_FORCE_SHARE
 
     def generator(self, what: int, camera: int, item: int) -> np.random.Generator:
-        """Return the generator of the noise of one frame, image or track."""
+        """Return the noise generator of one frame, calibration image or audio track."""
         return np.random.default_rng([self.seed, what, camera, item])
 
 
@@ -136,13 +136,13 @@ def default_rig(
 ) -> Rig:
     """Return the rig of section 5.1: similar, but not identical cameras that face the structure.
 
-    Focal lengths, principal points and distortions differ by what cameras of one kind differ by.
-    The motion is at rest for a second, grows over two periods, and is filmed in its steady state
-    for a second and at least five periods.
+    Focal lengths, principal points and distortions differ as between cameras of one model. The
+    structure is at rest for at least a second, the motion grows over two periods, and its steady
+    state is rendered for a second or five periods, whichever is longer.
 
     Lengths are in m; pixels are square and fill the sensor's width. All cameras stand `distance`
-    from the structure's centre, at these azimuths and elevations. Markers are those of the thesis's
-    beam if not given, or in a plate's cells with a fifth of their side as diameter.
+    from the structure's centre, at these azimuths and elevations. Markers default to those of the
+    thesis's beam, or to a plate's with a fifth of their least spacing as diameter.
     """
     angles = np.radians(directions_deg)
     rotations = pinhole.hemisphere_rotations(angles[:, 0], angles[:, 1])
@@ -168,32 +168,32 @@ def default_rig(
     return Rig(tuple(stations), markers, motion, duration, seed=seed)
 
 
-# Rigs for fast vibrations: a few frames at rest and then, after half a period that no frame needs,
-# frames of the steady vibration.
+# Rigs for fast vibrations: a few frames at rest and then, after a ramp of half a period, frames of
+# the steady vibration.
 
 REST_FRAMES = 4  # frames at rest
-RAMP_PERIODS = 0.5  # periods in which the vibration takes up
+RAMP_PERIODS = 0.5  # periods over which the vibration grows
 EXPOSURE_SAMPLES = 3  # of the motion within an exposure
 
 
 def make_sensor(film: Any) -> Sensor:
-    """Return the sensor, with positions in an exposure whose variance is that of the light.
+    """Return the sensor, with samples of an exposure whose variance in time is that of the light.
 
-    n positions in the middle of equal parts of a time T have the variance T² (1 − 1/n²) / 12.
+    n samples in the middle of equal parts of a time T have the variance T² (1 − 1/n²) / 12.
     """
     exposure = film.exposure_ms / 1000 / np.sqrt(1 - 1 / EXPOSURE_SAMPLES**2)
     return Sensor(exposure, EXPOSURE_SAMPLES, shot=film.shot_noise, read=film.read_noise)
 
 
 def derive_seed(seed: int, *what: object) -> int:
-    """Derive a seed that belongs to what is rendered alone."""
+    """Derive a seed from another and the identity of the rendered item."""
     return int.from_bytes(hashlib.sha256(repr((seed, *what)).encode()).digest()[:6], "big")
 
 
 def settle_rig(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
-    """Return the rig with frames at rest, then so many of the steady vibration.
+    """Return the rig with a few frames at rest, then `frames` of the steady vibration.
 
-    Camera i starts `offsets[i]` of a frame after time 0.
+    Camera i starts `offsets[i]` frame intervals after time 0.
     """
     rate = rig.stations[0].frame_rate
     pairs = zip(rig.stations, offsets, strict=True)
@@ -215,7 +215,7 @@ def camera_rig(
     markers: Markers | None = None,
     own_sensor: Sensor | None = None,
 ) -> Rig:
-    """Return a rig that renders a structure `rate` times per second, by the cameras of a setting.
+    """Return a rig for a structure, with the cameras of a setting at a frame rate in Hz.
 
     Lenses and sensors are those of a `request` (:class:`.CameraParameters`).
     """
@@ -235,10 +235,10 @@ def camera_rig(
     )
 
 
-# Replicates: nobody puts a tripod back to where it stood. Each camera is a little off its place and
-# its direction, so that all markers fall on other parts of their pixels.
+# Replicates: no tripod is put back exactly. Each camera is slightly off its position and direction,
+# so that all markers fall on other parts of their pixels.
 
-PLACE_STD_M = 1e-3  # m, standard deviation of a camera's place along X, Y and Z
+PLACE_STD_M = 1e-3  # m, standard deviation of a camera's position along X, Y and Z
 TURN_STD_RAD = np.radians(0.1)  # of its direction about each of its axes
 WINDOW_MARGIN_PX = 24  # px of the sensor that are read around the structure
 
@@ -250,7 +250,7 @@ def replace_cameras(rig: Rig, cameras: Sequence[pinhole.Camera]) -> Rig:
 
 
 def perturb_cameras(rig: Rig) -> Rig:
-    """Move every camera of a rig a little, by draws of its seed."""
+    """Perturb the pose of every camera of a rig, by the rig's seed."""
     cameras = []
     for index, camera in enumerate(rig.cameras):
         shift, turn = rig.generator(9, index, 0).standard_normal((2, 3))
@@ -270,16 +270,16 @@ def _rotate_about(vector: Array) -> Array:
 
 
 def crop_camera(camera: pinhole.Camera, low: Array, high: Array) -> pinhole.Camera:
-    """Let a camera read its sensor from one corner to another."""
+    """Crop a camera's sensor to the rectangle from one corner to another, px."""
     K = camera.K.copy()
     K[:2, 2] -= low
     return replace(camera, K=K, size=(int(high[0] - low[0]), int(high[1] - low[1])))
 
 
 def window_camera(rig: Rig, station: Station, whole: int = 1) -> tuple[Station, Array]:
-    """Crop a camera's sensor to what the structure reaches, and return the corner, too.
+    """Crop a camera's sensor to the reach of the structure; return the corner, too.
 
-    Real sensors read faster so, and rendering does. Corner and size are multiples of `whole` px.
+    A cropped sensor is faster to read and to render. Corner and size are multiples of `whole` px.
     """
     camera, extent = station.camera, rig.markers.extent
     x, y = (np.linspace(0, side, 30) for side in extent)
@@ -295,12 +295,12 @@ def window_camera(rig: Rig, station: Station, whole: int = 1) -> tuple[Station, 
 
 
 def replicate_seed(seed: int, replicate: int) -> int:
-    """Return the seed of a replicate; that of the first is the request's own."""
+    """Return the seed of a replicate; the first has that of the request."""
     return derive_seed(seed, "again", replicate) if replicate else seed
 
 
 def make_replicate(rig: Rig, replicate: int) -> Rig:
-    """Return the rig of a replicate: the first as it is, others set up again and windowed."""
+    """Return the rig of a replicate: the first unchanged, others perturbed and cropped."""
     if replicate == 0:
         return rig
     again = perturb_cameras(rig)

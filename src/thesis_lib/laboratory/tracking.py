@@ -1,13 +1,13 @@
-"""Markers tracked as they are rendered: no files, and clocks that are known.
+"""Direct tracking of markers in rendered frames, without files and with known clocks.
 
-Cameras are known, too, or calibrated first. What remains of the laboratory is what geometry,
-pixels, noise and the tracker do. A few periods are enough for that, so that many rigs can be tried
-in the time of one full recording.
+Cameras are known, too, or calibrated first. Only the effects of geometry, pixels, noise and the
+tracker remain. A few periods are enough for these, so that many rigs can be simulated in the time
+of one full recording.
 
-Cameras before a planar structure of any outline are each a little off their aim; all are calibrated
-together from images of a board. Then they read no more of their sensors than the structure reaches,
-and markers are followed from the corners of the outline, marked to a pixel. In an impact test a
-structure is tapped and rings, and its free decay is cut out of the tracks.
+Cameras in front of a planar structure of any outline are slightly misaimed, and calibrated jointly
+from board images. Their sensors are then cropped to the structure, and markers are tracked from the
+corners of the outline, marked to a pixel. In an impact test, the free decay of the structure is cut
+out of the tracks.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,17 +36,16 @@ from thesis_lib.vibration.polygons import Point
 from thesis_lib.vibration.structure import Structure
 from thesis_lib.vision import pinhole
 
-MAX_CENTRE_ERROR_PX = 1.0  # px from the truth beyond which a marker counts as taken for another
+MAX_CENTRE_ERROR_PX = 1.0  # px from the truth; beyond, a marker counts as confused with another
 TRACK_VARIABLES = read_variables(__file__, "tracks")
 
 
 @dataclass(frozen=True)
 class TrackedCentres:
-    """What one camera has seen of the markers."""
+    """Tracks of the markers in one camera."""
 
     times: Array  #: World times of the frames, s, shape (frames,)
-    #: As they were found, lens distortion included, px; NaN where missing, shape
-    #: (frames, 2, markers)
+    #: Centres with lens distortion, px; NaN where missing, shape (frames, 2, markers)
     centres: Array
 
     @property
@@ -55,7 +54,7 @@ class TrackedCentres:
         return float(np.mean(np.isnan(self.centres[:, 0])))
 
     def error(self, rig: Rig, station: Station) -> Array:
-        """Return distances from the places in mid-exposure, shape (frames, markers), px."""
+        """Return distances from the true centres in mid-exposure, shape (frames, markers), px."""
         truth = true_centres(rig, station, self.times)
         return np.asarray(np.hypot(*(self.centres - truth).swapaxes(0, 1)), float)
 
@@ -82,10 +81,10 @@ def true_view(camera: pinhole.Camera, markers: Markers) -> View:
 def track_camera(
     rig: Rig, index: int, view: View, corners: Sequence[Point] | None = None
 ) -> TrackedCentres:
-    """Return what one camera sees, rendered and tracked.
+    """Render and track the markers in one camera.
 
-    `view` is how it is thought to see the structure, `corners` (n, 2) in m are of its outline if
-    that is no box. All is NaN if it does not find the markers in its first frame.
+    `view` is its assumed view of the structure, `corners` (n, 2) in m are those of the outline if
+    that is not a rectangle. Centres are NaN if the markers are not found in the first frame.
     """
     station, markers = rig.stations[index], rig.markers
     scene = render.BeamView(station.camera, markers, rig.motion, station.sensor, corners)
@@ -104,7 +103,7 @@ def track_camera(
 
 
 def track_cameras(rig: Rig) -> list[TrackedCentres]:
-    """Track the markers in every camera, side by side; cameras and corners are known."""
+    """Track the markers in all cameras in parallel, with known cameras and corners."""
     views = [true_view(camera, rig.markers) for camera in rig.cameras]
     return map_in_pairs(lambda job: track_camera(rig, *job), enumerate(views))
 
@@ -114,10 +113,10 @@ def record_tracks(
     frames: int,
     look: Callable[[Rig], list[TrackedCentres]] = track_cameras,
 ) -> xr.Dataset:
-    """Track what the cameras of some rigs see at rest and in the last `frames` frames.
+    """Track the markers of several rigs at rest and in the last `frames` frames.
 
-    Two rigs at a time; `look` renders a rig and tracks its markers. The dataset has ``tracks`` of
-    :data:`TRACK_VARIABLES`, along ``rig``, too.
+    Two rigs run at a time; `look` renders a rig and tracks its markers. The dataset has ``tracks``
+    of :data:`TRACK_VARIABLES`, with ``rig`` as an additional dimension.
     """
     every = map_in_pairs(look, every_rig)
     tracks = [[own.centres[_stored_frames(own.times, frames)] for own in found] for found in every]
@@ -125,9 +124,9 @@ def record_tracks(
 
 
 def read_tracks(tracks: Array, rig: Rig) -> list[TrackedCentres]:
-    """Return what the cameras of a rig saw, from stored tracks (cameras, frames, 2, markers), px.
+    """Restore the centres of a rig from stored tracks (cameras, frames, 2, markers), px.
 
-    Times are not stored: the rig gives them, to the last bit.
+    Times are not stored: the rig reproduces them exactly.
     """
     found = []
     for station, centres in zip(rig.stations, tracks, strict=True):
@@ -143,9 +142,9 @@ def _stored_frames(times: Array, frames: int) -> IntArray:
 
 
 def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> fits.Fitted:
-    """Fit harmonics to the steady interval by the true cameras, and the frame of the markers.
+    """Fit harmonics in the steady-state interval with the true cameras, and the markers' frame.
 
-    It is a ValueError if two cameras see fewer than three markers at rest.
+    Raise ValueError if two cameras see fewer than three markers at rest.
     """
     harmonics: list[fits.Harmonics] = []
     rest = []
@@ -157,15 +156,15 @@ def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2)
     return fits.combine_fit(rig.cameras, harmonics, np.array(rest), rig.markers)
 
 
-AIM_STD_DEG = 1.0  # ° about each axis, standard deviation of how cameras are aimed
+AIM_STD_DEG = 1.0  # standard deviation of the cameras' aim about each axis, °
 BOARD_TILES, TILE_SHARE = (5, 4), 0.12  # of the board, and their size over the cameras' distance
 BOARD_TILT_DEG = 15.0  # of the board in all poses but one, which is flat, °
 
 
 def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int = 10) -> Rig:
-    """Turn cameras a little off their aim, and hold a board over the structure in some poses.
+    """Perturb the cameras' aim, and place a board over the structure in some poses.
 
-    The cameras look at its centre from a `distance` in m, of which the board's size is a share.
+    The cameras look at its centre from a `distance` in m; the board's size is a share of this.
     """
     Rotation = scipy.spatial.transform.Rotation
     turned = np.radians(AIM_STD_DEG) * draw.standard_normal((len(rig.stations), 3))
@@ -186,9 +185,9 @@ def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int
 
 
 def calibrate_rig(rig: Rig) -> Adjustment:
-    """Calibrate the cameras from their calibration images, in a world of their own.
+    """Calibrate the cameras from their calibration images, in the calibration's own frame.
 
-    It is a CalibrationError if the board is not found often enough.
+    Raise CalibrationError if the board is not found often enough.
     """
     found: list[list[Array | None]] = [[] for _ in rig.stations]
     for index, row in enumerate(found):
@@ -206,9 +205,9 @@ def calibrate_rig(rig: Rig) -> Adjustment:
 
 
 def crop_sensors(rig: Rig, cameras: Sequence[pinhole.Camera]) -> tuple[Rig, list[pinhole.Camera]]:
-    """Let the cameras of a rig read the part of their sensors which the structure reaches.
+    """Crop the sensors of a rig's cameras to the reach of the structure.
 
-    `cameras` are the same as they are calibrated; they are returned with these parts, too.
+    `cameras` are the calibrated ones of the rig, and are returned with the same crop.
     """
     lift = sum(abs(part.amplitude) for part in rig.motion.components)
     lifts = np.array([[-lift], [lift]])
@@ -226,10 +225,10 @@ def crop_sensors(rig: Rig, cameras: Sequence[pinhole.Camera]) -> tuple[Rig, list
 def mark_outline(
     rig: Rig, cameras: Sequence[pinhole.Camera], corners: Sequence[Point]
 ) -> list[View]:
-    """Return the views of the plane of a structure whose corners (n, 2) in m are marked.
+    """Return the cameras' views of a planar structure with marked corners (n, 2) in m.
 
-    Marked to a pixel in every image, corners are triangulated, and the outline is put there as a
-    rigid body: four corners of a narrow structure in one image would leave its perspective open.
+    Corners marked to a pixel in every image are triangulated, and the outline is fitted to them as
+    a rigid body: four corners of a narrow structure in one image do not define its perspective.
     """
     outline = on_surface(rig.markers.extent, np.array(corners).T)
     images = []
@@ -245,14 +244,14 @@ def mark_outline(
 
 @dataclass(frozen=True)
 class ImpactMotion(Motion):
-    """A structure at rest that is tapped once, and rings in its modes.
+    """Motion of a structure at rest after one impact: free decay of its modes.
 
-    The tap is a half sine of `impulse`, from `start` and `ramp` long, at `point`. Every mode of
-    angular frequency ω and damping ratio ζ answers as q̈ + 2ζω q̇ + ω² q = φ(point) F / m.
+    The force is a half sine of `impulse` at `point`, from `start` on and `ramp` long. Every mode of
+    angular frequency ω and damping ratio ζ follows q̈ + 2ζω q̇ + ω² q = φ(point) F / m.
     """
 
     impulse: float = 0.01  #: N s
-    point: tuple[float, float] = (0.0, 0.0)  #: Where it is tapped, m
+    point: tuple[float, float] = (0.0, 0.0)  #: Point of the impact, m
     damping: tuple[float, ...] = ()  #: Damping ratio of each component
 
     @property
@@ -263,11 +262,11 @@ class ImpactMotion(Motion):
         return np.asarray(omega * (1j * np.sqrt(1 - zeta**2) - zeta), complex)
 
     def coordinates(self, times: ArrayLike) -> Array:
-        """Return displacement of each mode where its shape is 1, shape (components, ...), m."""
+        """Return the displacement of each mode where its shape is 1, shape (components, ...), m."""
         return np.stack([one.imag for one in self._responses(np.asarray(times, float))])
 
     def force(self, times: ArrayLike) -> Array:
-        """Return force of the tap in N."""
+        """Return the force of the impact in N."""
         t = np.asarray(times, float) - self.start
         inside = (t >= 0) & (t <= self.ramp)
         return np.where(inside, self._peak * np.sin(np.pi * t / self.ramp), 0.0)
@@ -282,7 +281,7 @@ class ImpactMotion(Motion):
         return self.impulse * np.pi / (2 * self.ramp)
 
     def _responses(self, times: Array) -> list[ComplexArray]:
-        """Return each mode's answer to the tap, whose imaginary part is the displacement, m."""
+        """Return each mode's complex response; the displacement in m is its imaginary part."""
         place, found = np.array(self.point)[:, None], []
         for part, pole in zip(self.components, self.poles, strict=True):
             drive = float(part.shape(self.structure, place)[0])
@@ -293,7 +292,7 @@ class ImpactMotion(Motion):
 
 
 def _integrate_pulse(pole: complex, t: Array, length: float) -> ComplexArray:
-    """Integrate sin(πs/T) e^{λ(t − s)} over the part of a pulse of length T that is past."""
+    """Integrate sin(πs/T) e^{λ(t − s)} over the past part of a pulse of length T."""
     kappa, until = np.pi / length, np.clip(t, 0, length)
     decay = np.exp(pole * (np.maximum(t, 0) - until))
     past = -(pole * np.sin(kappa * until) + kappa * np.cos(kappa * until)) * decay
@@ -311,11 +310,11 @@ def tap_structure(
     impulse: float = 0.01,
     pulse: float = 0.002,
 ) -> Rig:
-    """Let the structure be tapped after some rest, and render some seconds in all.
+    """Return the rig with an impact test that lasts `seconds` in all.
 
-    Its first modes ring, one for each damping ratio. It is tapped at `point` in m by an `impulse`
-    in N s, for `pulse` s that begin `rest` s after the last camera's start. The `rates` are those
-    of the cameras if they differ from the rig's.
+    The first modes respond, one for each damping ratio. The impact at `point` in m has an `impulse`
+    in N s, lasts `pulse` s and begins `rest` s after the last camera's start. `rates` are the
+    cameras' frame rates if they differ from the rig's.
     """
     structure: Structure = rig.motion.structure
     hertz = structure.angular_frequencies(len(damping)) / (2 * np.pi)
@@ -329,7 +328,7 @@ def tap_structure(
 
 
 def select_free_decay(rig: Rig, found: list[TrackedCentres]) -> tuple[list[Track], Rest]:
-    """Select tracks of the free vibration after the tap, and the markers at rest before it."""
+    """Select tracks of the free decay after the impact, and the markers at rest before it."""
     tracks, still = [], []
     for station, own in zip(rig.stations, found, strict=True):
         uv = pinhole.undistort_tracks(station.camera, own.centres)

@@ -1,7 +1,7 @@
-"""Recordings to deflection shapes: calibrate, synchronise, track, fit, report.
+"""Measurement of deflection shapes: calibrate, synchronise, track, fit, report.
 
-To start from: a manifest (:func:`.read_manifest`, :func:`.assess_manifest` before anything is
-filmed) and all steps at once (:func:`.measure_recordings`); or single steps:
+Start with a manifest (:func:`.read_manifest`; :func:`.assess_manifest` checks it before filming)
+and run all steps (:func:`.measure_recordings`), or call single steps:
 :func:`.find_corners`, :func:`.calibrate_camera` and :func:`.adjust_bundle`,
 :func:`.synchronise_videos`, :func:`.find_view` and :class:`.Tracker`, :func:`.fit_harmonics`,
 :func:`.triangulate_seen`. Each name is loaded when it is first used.

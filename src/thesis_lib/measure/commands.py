@@ -1,4 +1,4 @@
-"""What ``thesis measure`` does by its options, synchronisation alone, and sheets to print."""
+"""Actions of ``thesis measure``, and the commands ``print``, ``sync`` and ``convert``."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Option = Callable[[Callable[..., None]], Callable[..., None]]
 
 
 class FiniteRange(click.FloatRange):
-    """A range of numbers, which NaN is not in."""
+    """A range of numbers that excludes NaN."""
 
     def convert(self, value: Any, *where: Any) -> float:
-        """Return the number, or refuse it."""
+        """Return the number; fail if it is NaN or out of range."""
         number: float = super().convert(value, *where)
         if number != number:
             self.fail(f"{value} is no number.", *where)
@@ -32,10 +32,10 @@ class FiniteRange(click.FloatRange):
 
 
 class PathType(click.Path):
-    """A path that is not empty, which would be the folder where the command runs."""
+    """A path that must not be empty: an empty one would be the current folder."""
 
     def convert(self, value: Any, *where: Any) -> Any:
-        """Return the path, or refuse it."""
+        """Return the path; fail if it is empty."""
         return super().convert(value, *where) if str(value) else self.fail("it is empty.", *where)
 
 
@@ -53,15 +53,15 @@ _PAPER_OPTION = click.option(
 
 
 class HelpGroup(click.Group):
-    """Commands whose group, given alone, prints its help."""
+    """A command group that prints its help when called without arguments."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Return what is left of the arguments; ``--help`` stands for none."""
+        """Parse the arguments, or ``--help`` if there are none; return those not parsed."""
         return super().parse_args(ctx, args or ["--help"])
 
 
 def start(folder: Path, given: Mapping[str, Any]) -> None:
-    """Write a manifest into a folder, of its recordings or of planned ones; say what is missing."""
+    """Write a manifest of recordings in a folder, or of planned ones; print what is missing."""
     from thesis_lib.measure.feasibility.prediction import write_draft
     from thesis_lib.measure.recordings.manifest import rename_options
     from thesis_lib.measure.recordings.template import new_manifest
@@ -76,9 +76,9 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
 
 
 def check_manifest(manifest: Manifest, folder: Path, out: Path | None, as_json: bool) -> None:
-    """Print what the recordings of a manifest could reach; draw it into `out`, if given.
+    """Print the predicted performance of a manifest's recordings; plot it into `out`, if given.
 
-    The page in which corners are clicked goes into `folder`, the manifest's, if there are videos.
+    The page for clicking corners is written into `folder`, the manifest's, if all videos exist.
     """
     from thesis_lib.measure.feasibility import assess
     from thesis_lib.measure.recordings.template import PAGE_NAME, corners_page
@@ -91,7 +91,7 @@ def check_manifest(manifest: Manifest, folder: Path, out: Path | None, as_json: 
             (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
             put_files(part, folder)
         files.append(f"To click the structure's corners, open {folder / PAGE_NAME}")
-    if out:  # where the cameras stand, and what they will reach
+    if out:  # camera positions and predicted errors
         from thesis_lib.measure.report.figures import draw_prediction
         from thesis_lib.plotting.style import save_figure
 
@@ -112,7 +112,7 @@ def check_manifest(manifest: Manifest, folder: Path, out: Path | None, as_json: 
 
 
 def run_measurement(path: Path, out: Path, as_json: bool) -> None:
-    """Measure the recordings of a manifest into a folder, and print what was found."""
+    """Measure the recordings of a manifest, write the results to a folder, and print them."""
     from thesis_lib.measure.pipeline import measure_recordings
 
     report = measure_recordings(path, out, partial(echo, err=as_json))

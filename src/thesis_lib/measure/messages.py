@@ -17,7 +17,7 @@ class Note(NamedTuple):
 
 @dataclass(frozen=True)
 class Message:
-    """A message as ``messages.toml`` has it."""
+    """A message of ``messages.toml``."""
 
     text: str
     remedy: str
@@ -30,7 +30,7 @@ class Message:
 
     @property
     def pattern(self) -> str:
-        """Return the text with dots in place of values."""
+        """Return the text with ellipses in place of values."""
         return re.sub(r"\{[^}]*\}", "…", self.text)
 
 
@@ -47,10 +47,10 @@ def _read_messages(table: Mapping[str, Any]) -> dict[str, Message]:
 
 _MESSAGES_FILE = Path(__file__).with_name("messages.toml")
 _MESSAGE_TABLES = tomllib.loads(_MESSAGES_FILE.read_text(encoding="utf-8"))
-#: Notes on a result by what they are about, and checks of a manifest, likewise; by code
+#: Notes on a result and checks of a manifest, by subject, then by code
 NOTE_GROUPS = {name: _read_messages(group) for name, group in _MESSAGE_TABLES["notes"].items()}
 CHECK_GROUPS = {name: _read_messages(group) for name, group in _MESSAGE_TABLES["checks"].items()}
-#: What cannot be checked, and lines of ``thesis measure --new``
+#: Unknowns of a check, and lines of ``thesis measure --new``
 UNCHECKED_MESSAGES = _read_messages(_MESSAGE_TABLES["unchecked"])
 NEW_MESSAGES = _read_messages(_MESSAGE_TABLES["new"])
 #: Notes and checks by code
@@ -64,17 +64,17 @@ CHECK_LIMITS = {code: one.limit for group in CHECK_GROUPS.values() for code, one
 
 
 def make_note(code: str, variant: str = "", /, **values: object) -> Note:
-    """Return a note with its values put in."""
+    """Return a note with its values filled in."""
     return Note(code, format_message(ALL_MESSAGES[code], variant, **values))
 
 
 def format_message(message: Message, variant: str = "", /, **values: object) -> str:
-    """Return the text of a message, or of one of its variants, with values put in."""
+    """Return the text of a message, or of one of its variants, with values filled in."""
     text = message.variants[variant] if variant else message.text
     return text.format(limit=message.limit, **values)
 
 
 def format_new(code: str, **values: object) -> str:
-    """Return a line of ``thesis measure --new``: its text, and what follows on the terminal."""
+    """Return a line of ``thesis measure --new``: the text, then its variant ``rest``, if any."""
     message = NEW_MESSAGES[code]
     return (message.text + message.variants.get("rest", "")).format(**values)

@@ -1,4 +1,4 @@
-"""Pages of a PDF in true scale: the board, markers, and places of cameras, with a ruler."""
+"""Printable PDF pages in true scale, with a ruler: board, markers, camera positions."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -26,24 +26,24 @@ ISO_SIDES_MM = (210.0, 297.0, 420.0, 594.0, 841.0, 1189.0)  # mm, of A4 to A0
 PAGE_SIZES_MM = {f"A{4 - k}": sides for k, sides in enumerate(pairwise(ISO_SIDES_MM))}  # upright
 PAGE_SIZES_MM |= {"letter": (215.9, 279.4), "tabloid": (279.4, 431.8)}
 BORDER_MM = 6.0  # mm along a page's edge that printers leave blank
-STRIP_MM = 16.0  # mm at the foot of a page for ruler and words
+STRIP_MM = 16.0  # mm at the foot of a page for ruler and text
 RULER_MM = 100.0  # mm
-MM_PER_INCH = 25.4  # of an inch
+MM_PER_INCH = 25.4
 
 Draw = Callable[[Axes], object]
 
 
 def _drawable_mm(paper: str, landscape: bool) -> tuple[float, float]:
-    """Return the width and height in mm that can be drawn on, above the strip with the ruler."""
+    """Return width and height in mm of the drawable area above the strip with the ruler."""
     width, height = sorted(PAGE_SIZES_MM[paper], reverse=landscape)
     return width - 2 * BORDER_MM, height - 2 * BORDER_MM - STRIP_MM
 
 
 def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw, str]]) -> None:
-    """Write pages of a size as a PDF, whole or not at all.
+    """Write pages of one size as a PDF, never a partial file.
 
-    Each is a function that draws on axes in mm, whose origin is the lower left corner of the
-    :func:`_drawable_mm`, and words that stand next to the ruler.
+    Each page is a function that draws on axes in mm, with the origin at the lower left corner of
+    the drawable area (:func:`_drawable_mm`), and a text next to the ruler.
     """
     check_file(path, ".pdf")
     width, height = sorted(PAGE_SIZES_MM[paper], reverse=lying)
@@ -82,8 +82,8 @@ def _rectangle_vertices(x: float, y: float, width: float, height: float) -> Arra
     return np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
 
 
-BITS_PER_MARK = 7  # along a mark with its black frame
-DICTIONARY_MARKS = 1000  # that the dictionary has
+BITS_PER_MARK = 7  # cells along a mark, black border included
+DICTIONARY_MARKS = 1000  # in the dictionary
 
 
 def write_board(
@@ -91,26 +91,26 @@ def write_board(
 ) -> str:
     """Write a board as a PDF to true scale.
 
-    The tile at its lower left is dark, or with marks that at its upper left.
+    The lower left tile is dark; with ArUco marks, the upper left one.
 
     Parameters
     ----------
     charuco : bool
-        Whether white tiles carry ArUco marks, as OpenCV's ``CharucoBoard`` has them.
+        Whether white tiles carry ArUco marks, as in OpenCV's ``CharucoBoard``.
     two_sided : bool
-        Whether a second page has the mirror image, for the back: tile behind tile when the sheet
-        is turned like a page of a book. Marks would be mirrored, too, so not of a board with them.
+        Whether a second page has the mirror image, for the back: tiles coincide when the sheet is
+        turned like a page of a book. Not allowed with marks, which would be mirrored, too.
 
     Returns
     -------
     str
-        What the manifest says of this board, and OpenCV of one with marks.
+        The board's entry in the manifest; with marks, also OpenCV's call of ``CharucoBoard``.
 
     Raises
     ------
     RefusedError
         If the board with a white margin of half a tile does not fit the paper, or has marks on both
-        sides.
+        sides or more marks than the dictionary.
     """
     if charuco and two_sided:
         raise RefusedError("--two-sided: given with --charuco, allowed: for a checkerboard")
@@ -147,7 +147,7 @@ def write_board(
 def _marks(columns: int, rows: int, tile: float) -> Array:
     """Return the dark cells of the marks, (cells, 4, 2), mm from the board's lower left corner.
 
-    OpenCV counts the white tiles from the upper left, row by row; each mark is in a middle.
+    OpenCV counts the white tiles from the upper left, row by row; each mark is centred in its tile.
     """
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, MARK_DICTIONARY))
     side, cells = MARK_RATIO * tile, []
@@ -173,9 +173,9 @@ def write_markers(
 ) -> int:
     """Write a grid of markers as a PDF to true scale.
 
-    Where the grid is larger than a page it goes on, on the next. Corner marks stand half a spacing
-    beyond the outermost markers: cut there, and the pages join edge to edge. Rows are as far apart
-    as columns if not given, and ``bright`` markers are white on black. Return the number of pages.
+    A grid larger than a page continues on the next. Corner marks are half a spacing beyond the
+    outermost markers: pages that are cut there join edge to edge. The row spacing defaults to the
+    column spacing; ``bright`` markers are white on black. Return the number of pages.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def write_markers(
         If markers overlap or reach the corner marks, or are further apart than a page is long.
     """
     across = row_spacing_mm or spacing_mm
-    least = min(spacing_mm, across)  # of one row, too: corner marks stand half of it beyond
+    least = min(spacing_mm, across)  # also of one row: corner marks are half of it beyond
     if diameter_mm >= least:
         allowed = f"below {least:g}, the least spacing"
         raise RefusedError(f"--diameter-mm: given {diameter_mm:g}, allowed: {allowed}")
@@ -200,7 +200,7 @@ def write_markers(
         for row, column in np.ndindex(ny, nx):
             centre = (column + 0.5) * spacing_mm, (row + 0.5) * across
             axes.add_patch(Circle(centre, diameter_mm / 2, fc=colour, ec="none"))
-        for x, side in ((0.0, -4), (width, 4)):  # corner marks, outside of what is used
+        for x, side in ((0.0, -4), (width, 4)):  # corner marks, outside the used area
             for y, up in ((0.0, -4), (height, 4)):
                 axes.plot([x, x + side], [y, y], "k-", linewidth=0.3, clip_on=False)
                 axes.plot([x, x], [y, y + up], "k-", linewidth=0.3, clip_on=False)
@@ -221,7 +221,7 @@ CENTRED_TEXT: dict[str, Any] = {"ha": "center", "va": "center"}
 
 
 def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str) -> None:
-    """Write a protractor with a ray to each camera, and how far and how high it stands.
+    """Write a protractor with a ray to each camera, and the camera's distance and height.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The whole chain on a folder of recordings: check, calibrate, synchronise, track, fit, report."""
+"""Measurement pipeline: check, calibrate, synchronise, track, fit and report recordings."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -26,9 +26,9 @@ from thesis_lib.measure.response.result import estimate_response
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import schema, storage
 
-Say = Callable[[str], object]  # what is called with each line of progress
-STEPS_FOLDER = ".steps"  # folder of what is kept between runs
-#: All that a measurement may write, as patterns
+Say = Callable[[str], object]  # called with each line of progress
+STEPS_FOLDER = ".steps"  # cache folder
+#: Patterns of all files that a measurement may write
 OUTPUT_FILES = (
     "report.html", "figures/*.*", "vtk/**/*.*", "measured.*", "shapes.*", "motion.*", "modes.*",
     "mode-*.*", "response.*", "radiated.*", "heard-*.wav", "calibration.nc", "cameras.*", "shape.*",
@@ -44,15 +44,15 @@ UNSTORED_VARIABLES = {
 
 @dataclass(frozen=True)
 class Recorded:
-    """Inputs of a measurement, before anything is fitted."""
+    """Inputs of the fits: synchronisation, calibration and tracks."""
 
-    sound: xr.Dataset  #: When the cameras started, and what their sound tells
-    calibration: xr.Dataset  #: The cameras
-    recordings: Sequence[Recording]  #: Their tracks
+    sound: xr.Dataset  #: Cameras' start times, and frequency and phase from the audio
+    calibration: xr.Dataset  #: Calibrated cameras
+    recordings: Sequence[Recording]  #: Tracks of each camera
 
     @property
     def repeats(self) -> list[str]:
-        """Return a sentence for each camera some of whose frames repeat the one before."""
+        """Return a sentence for each camera with frames that repeat the previous one."""
         lines = [
             validation.describe_repeats(one.camera.name, one.repeats) for one in self.recordings
         ]
@@ -60,19 +60,19 @@ class Recorded:
 
 
 def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Recorded:
-    """Check, listen, calibrate and track; each step is kept in the folder `steps`.
+    """Check files, estimate delays, calibrate and track; cache each step in the folder `steps`.
 
     Errors are those of :func:`measure_recordings`.
     """
     say(f"checking {len(manifest.cameras)} videos")
-    clocks = validation.check_files(manifest, folder)  # what it refuses leaves no trace
+    clocks = validation.check_files(manifest, folder)  # before any file is written
     given = cameras.reuse_calibration(manifest, folder)
-    filmed_cameras = tuple(  # with the frame rates that videos have, the mean where they vary
+    filmed_cameras = tuple(  # with the frame rates of the videos, the mean where they vary
         camera.model_copy(update={"frame_rate_hz": media_info.rate_of(clock, camera.rate_hz)})
         for camera, clock in zip(manifest.cameras, clocks, strict=True)
     )
     filmed = manifest.model_copy(update={"cameras": filmed_cameras})
-    # The sound comes first: it may refuse more of the manifest.
+    # The audio comes before the calibration: its checks may still refuse the manifest.
     sound = measuring.read_sound(filmed, folder, steps, say)
     calibration = _calibrate(manifest, folder, steps, given, say)
     recordings = measuring.track_markers(filmed, folder, steps, calibration, sound, clocks)
@@ -83,16 +83,16 @@ def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Re
 
 
 def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
-    """Fit the shape of one frequency, with all that it rests on, and every marker's motion.
+    """Fit the shape at one frequency, and return the datasets ``measured.nc`` and ``motion.nc``.
 
-    Returned is what ``measured.nc`` and ``motion.nc`` hold. A ChainError or FrequencyError says
-    that the markers at rest, or the motion, do not suffice.
+    The first includes calibration and synchronisation. Raise ChainError or FrequencyError if the
+    markers at rest, or the motion, do not suffice.
     """
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         covariance = cameras.covariance_of(of.calibration)
         data = result.shape_result(manifest, sound, of.recordings, covariance)
-        still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
+        still = excitation.rest_duration_s or float(sound["steady"][1])  # else mean position
         for found in (of.calibration, sound):
             stored = found.drop_vars(UNSTORED_VARIABLES, errors="ignore").drop_encoding()
             data = data.merge(stored)
@@ -103,7 +103,7 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
 
 
 def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, str]:
-    """Return attributes of a result: its title, and what it rests on."""
+    """Return attributes of a result: its title, the manifest, and notes on its inputs."""
     kind, count = manifest.structure.kind, len(of.recordings)
     return {
         "title": f"{what} of a {kind}, measured with {count} cameras",
@@ -137,22 +137,21 @@ def measure_recordings(path: Path, out: Path, say: Say = print) -> build.Report:
     out : Path
         Folder for the results: ``report.html``, ``figures``, ``measured.nc``, ``shapes.csv`` and
         the files of :mod:`~thesis_lib.measure.exchange.files` and
-        :mod:`~thesis_lib.measure.report.animation`; next to them steps that a second run need not
-        repeat.
+        :mod:`~thesis_lib.measure.report.animation`; ``.steps`` caches steps for a second run.
     say : callable
         Called, line by line, with the progress of the measurement.
 
     Returns
     -------
     Report
-        The page ``report.html``, what was found, and notes on it.
+        The page ``report.html``, a summary of the results, and notes on them.
 
     Raises
     ------
     ManifestError, MediaError
         If the manifest or a file cannot be used.
     CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError, ModalError
-        If the recordings do not suffice; one line that says what is missing.
+        If the recordings do not suffice; the message names what is missing.
     """
     manifest, folder = read_manifest(path), path.parent
     read = [one.file for one in (manifest.calibration, manifest.force) if one is not None]
@@ -181,7 +180,7 @@ def measure_shape(
     with staging(out) as part, ThreadPoolExecutor(1) as thread:
         # Slowed so that a period of the vibration takes two seconds at least
         film = part / "tracked.mp4", rings, max(slow * own.rate, 1.0)
-        filmed = thread.submit(animation.write_mp4, *film)  # next to all else
+        filmed = thread.submit(animation.write_mp4, *film)  # concurrently
         firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
         seen = figures.collect_diagnostics(data, moved, manifest, inputs.recordings)
         radiated, sound = _radiate(data, manifest)
@@ -198,7 +197,7 @@ def measure_shape(
 def measure_motion(
     manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Say
 ) -> build.Report:
-    """Measure modes, motion over a force, or both; return the report."""
+    """Measure modes, receptances, or both; return the report."""
     if manifest.force is None:
         return measure_modes(manifest, inputs, out, say)
     say("motion over force")
@@ -261,8 +260,8 @@ def _put_results(
     inputs: Recorded | None,
     radiated: xr.Dataset | None = None,
 ) -> None:
-    """Put all files of a folder to `out`, with the report if there are inputs, and print it."""
-    if inputs is not None:  # else the report is a part of another one
+    """Move all files of `part` to `out`, with the report if there are inputs; print its lines."""
+    if inputs is not None:  # else the report is a section of another one
         storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         report.write_files(part)
     if radiated is not None:
@@ -279,7 +278,7 @@ def _lines_of(report: build.Report) -> list[str]:
 def _radiate(
     data: xr.Dataset, manifest: Manifest
 ) -> tuple[xr.Dataset, build.Report] | tuple[None, None]:
-    """Return the radiated sound and the part of the report on it, if the manifest asks for it."""
+    """Return the radiated sound and its section of the report, if the manifest requests them."""
     if manifest.radiation is None:
         return None, None
     radiated = schema.with_origin(sound_of(data, manifest), data.attrs["source"])

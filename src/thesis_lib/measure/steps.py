@@ -1,4 +1,4 @@
-"""The steps from recordings to tracks, each cached in a folder: calibrate, listen, track."""
+"""Cached steps from recordings to tracks: calibrate, estimate delays from audio, track."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -29,9 +29,9 @@ def calibrate_rig(
     lenses: Sequence[Camera] = (),
     lens_covariance: Array | None = None,
 ) -> xr.Dataset:
-    """Calibrate the cameras together from all board images; with `lenses` their positions.
+    """Calibrate all cameras jointly from board images; with given `lenses`, only their poses.
 
-    Deviations and covariance are those of
+    Standard deviations and covariance are those of
     :func:`thesis_lib.measure.calibration.uncertainty.jackknife_rig`.
     """
     rows = [shot_paths(camera, folder) for camera in manifest.cameras]
@@ -80,7 +80,7 @@ def _centre_deviations(adjustment: bundle.Adjustment) -> Array:
 def read_sound(
     manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object] = str
 ) -> xr.Dataset:
-    """Return when the cameras started, and what the sound tells of the vibration."""
+    """Return the cameras' start times, and the vibration's frequency and phase from the audio."""
     videos = [folder / c.video for c in manifest.cameras]
     names = [c.name for c in manifest.cameras]
     rates = [c.frame_rate_hz for c in manifest.cameras]
@@ -90,7 +90,7 @@ def read_sound(
         if manifest.excitation.sound != "none":
             say(f"listening to {len(videos)} sound tracks")
         data = estimate_delays(manifest, folder)
-        mark_cache(steps)  # now that nothing more is refused
+        mark_cache(steps)  # after all checks have passed
         return data
 
     return storage.load_or_compute(steps / "sound.nc", compute_sound, storage.key_of(what, videos))
@@ -105,10 +105,10 @@ def track_markers(
     clocks: Sequence[Array],
     shares: Sequence[float] = (),
 ) -> list[Recording]:
-    """Track the markers through all videos with frames at these times, two cameras at a time.
+    """Track the markers through all videos, two cameras at a time.
 
-    With `shares` in frames reduced to these shares of their width, see
-    :func:`thesis_lib.measure.tracking.tracks.record_track`.
+    `clocks` are each camera's frame times in s. With `shares`, frames are reduced to these shares
+    of their width, see :func:`thesis_lib.measure.tracking.tracks.record_track`.
     """
     markers, cameras = markers_of(manifest), rig.cameras_in(calibration)
     frequency = float(np.nan_to_num(sound["frequency"]))
@@ -119,7 +119,7 @@ def track_markers(
     def track_camera(index: int) -> Recording:
         files, done = manifest.cameras[index], 0
         path = steps / f"tracks-{index:02d}.npy"
-        turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
+        turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # rad a frame, for prediction
         what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
 
         def tick(frames: int) -> None:

@@ -1,8 +1,8 @@
-"""Calibrated cameras in files of other programs and of earlier measurements, read and written.
+"""Import and export of calibrated cameras, in files of other programs and of measurements.
 
-YAML, XML and JSON are those of ``cv2.FileStorage``, YAML that of ROS and Kalibr, too, TOML that of
-aniposelib, caliscope and Pose2Sim. All of them count pixels from the middle of the first one, half
-a pixel less than we do. What is written puts the world where the structure is at rest: origin at
+YAML, XML and JSON are those of ``cv2.FileStorage``, YAML also that of ROS and Kalibr, TOML that of
+aniposelib, caliscope and Pose2Sim. All of them count pixels from the centre of the first one, half
+a pixel less than this library. Exported cameras are in the structure's frame at rest: origin at
 its centre, X along its length, Z along its normal, in m.
 """
 
@@ -37,8 +37,8 @@ FILE_SUFFIXES = (".yaml", ".yml", ".toml", ".xml", ".json", ".nc")
 CALIBRATION_KINDS = (
     "YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"
 )
-MIN_MILLIMETRE_SPAN_M = 100.0  # m between cameras, from which on lengths are taken for millimetres
-# All the same one, the last without more than five coefficients
+MIN_MILLIMETRE_SPAN_M = 100.0  # m; a larger span of the cameras suggests lengths in mm
+# Names of the Brown model; the last has no more than five nonzero coefficients
 _BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan", "rational_polynomial"}
 _NAMES_FILE = Path(__file__).with_name("camera_names.toml")
 _NAMES: dict[str, list[str]] = tomllib.loads(_NAMES_FILE.read_text(encoding="utf-8"))
@@ -50,11 +50,11 @@ _AXES_TEXT = "x right, y down, and not mirrored"
 
 @dataclass(frozen=True)
 class Found:
-    """Cameras of a file."""
+    """Cameras of a calibration file."""
 
     cameras: list[Camera]  #: In one frame, m
-    placed: bool  #: Whether the file says where they are
-    covariance: Array | None = None  #: Of their poses, then lenses, if it is known
+    placed: bool  #: Whether the file has their poses
+    covariance: Array | None = None  #: Of their poses, then lenses, if known
 
 
 def read_cameras(path: Path, unit: str | None = None) -> Found:
@@ -65,7 +65,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     path : Path
         A file, the folder of a measurement, or a folder with a file for each camera.
     unit : str, optional
-        Unit of lengths, "m" or "mm"; without it what the file says, or m.
+        Unit of lengths, "m" or "mm"; by default the file's, else m.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     if files[0].suffix.lower() == ".nc":
         try:
             data = storage.open_netcdf(files[0])
-            # Of lenses whose errors were unknown the covariance has zeros
+            # The covariance has zeros for lenses with unknown errors
             told = np.isfinite(data["focal_deviation"].values).all()
             return Found(rig.cameras_in(data), True, covariance_of(data) if told else None)
         except (cubes.CubeError, KeyError):
@@ -115,7 +115,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
 
 
 def _values(path: Path) -> dict[str, Any]:
-    """Read the values of a text file, by names."""
+    """Read the values of a text file by name."""
     parsers: dict[str, Callable[[str], Any]] = {
         ".toml": text_files.parse_toml,
         ".json": text_files.parse_json,
@@ -134,7 +134,7 @@ def _values(path: Path) -> dict[str, Any]:
 
 
 def _of_xml(element: Element) -> Any:
-    """Return values of an element of OpenCV's XML: an object, or a text, a number or numbers."""
+    """Convert an element of OpenCV's XML to a dictionary, text, number or list of numbers."""
     if len(element):
         return {inside.tag: _of_xml(inside) for inside in element}
     text = (element.text or "").strip()
@@ -146,9 +146,9 @@ def _of_xml(element: Element) -> Any:
 
 
 def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield each camera's name and values, from a file of one or of several."""
+    """Yield the name and values of each camera in a file."""
     own = {str(key).lower(): value for key, value in values.items()}
-    if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
+    if own.get("ignore") is True:  # an uncalibrated camera of caliscope
         return
     inside = {key: value for key, value in values.items() if isinstance(value, Mapping)}
     if any(isinstance(own.get(name), list | Mapping) for name in _NAMES["matrix"]):
@@ -162,7 +162,7 @@ def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[s
 
 
 def _of_kalibr(cameras: Mapping[Any, Mapping[str, Any]]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the names and values of the cameras of a camchain, each placed by the one before."""
+    """Yield name and values of each camera of a Kalibr camchain, with its accumulated pose."""
     pose = np.eye(4)
     for k, (name, given) in enumerate(cameras.items()):
         entry = {key.lower(): value for key, value in given.items()}
@@ -182,7 +182,7 @@ def _of_kalibr(cameras: Mapping[Any, Mapping[str, Any]]) -> Iterator[tuple[str, 
 
 
 def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, bool]:
-    """Return one camera with lengths times a scale, and whether its place is known."""
+    """Return one camera with lengths times a scale, and whether its pose is known."""
 
     def first_given(what: str) -> Any:
         return next((entry[one] for one in _NAMES[what] if entry.get(one) is not None), None)
@@ -228,7 +228,7 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
 
 
 def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
-    """Return the finite numbers in a row, of a matrix in OpenCV's form or of lists."""
+    """Return a matrix in OpenCV's form, or lists, as a flat array of finite numbers."""
     if given is None or (isinstance(given, list) and None in given):
         raise KeyError(name)
     inner = given.get("data") if isinstance(given, Mapping) else given
@@ -250,7 +250,7 @@ def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
     """
     described = [
         {
-            # In quotes of JSON, which TOML and YAML share: a plain null or yes is no text in YAML
+            # Quoted as in JSON, valid in TOML and YAML: a plain null or yes is not text in YAML
             "name": json.dumps(one.name, ensure_ascii=False),
             "size": list(one.size),
             "matrix": (one.K - [[0, 0, HALF_PIXEL], [0, 0, HALF_PIXEL], [0, 0, 0]]).tolist(),
@@ -263,11 +263,11 @@ def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
     whole_text(path, templates.render(__file__, f"cameras{path.suffix}.j2", cameras=described))
 
 
-# A calibration that a manifest reuses, as a whole or its lenses.
+# Import of a calibration that a manifest names: cameras with poses, or lenses only.
 
 
 def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
-    """Return the manifest's cameras, in its order, of the calibration that it reuses, if any."""
+    """Import the calibration that a manifest names, if any, with cameras in its order."""
     asked = manifest.calibration
     if asked is None:
         return None
@@ -299,7 +299,7 @@ def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
 
 
 def describe_reused(cameras: Sequence[Camera], covariance: Array | None) -> xr.Dataset:
-    """Return the record of a reused calibration; its deviations are NaN without a covariance."""
+    """Return an imported calibration as a dataset; deviations are NaN without a covariance."""
     network, lenses = bundle.without_boards(cameras), bundle.POSE_UNKNOWNS * len(cameras)
     if covariance is None:
         covariance = np.full((network.unknowns, network.unknowns), np.nan)
@@ -325,7 +325,7 @@ def covariance_of(calibration: xr.Dataset) -> Array | None:
 
 
 def to_keep(calibration: xr.Dataset) -> xr.Dataset:
-    """Return the part of a calibration that another measurement can reuse, as its own dataset."""
+    """Return the variables of a calibration that another measurement can import."""
     names = [*_CAMERA_VARIABLES, *_UNCERTAINTY_VARIABLES]
     own = calibration[names].drop_attrs(deep=False).assign_attrs(title="Calibrated cameras")
     return schema.with_origin(own, f"measurement by thesis_lib {__version__}")

@@ -1,7 +1,7 @@
-"""All files of a measurement that other programs open.
+"""Export of measurements to other programs.
 
-They are MATLAB's, ParaView's grids of the markers, and modal software's universal files; at last,
-for Python, the motion as SDyPy's dictionaries.
+Formats are MATLAB's, ParaView's grids of the markers, and modal software's universal files; for
+Python, the motion as SDyPy's dictionaries.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,14 +24,14 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 from thesis_lib.templates import render
 
-MAX_EDGE_RATIO = 2.5  # times the middle edge's length, beyond which an edge spans a gap
-FRAMES_PER_PERIOD = 32  # of a period
-CELL_TYPES = {2: 3, 3: 5, 4: 9}  # VTK's numbers of a line, a triangle and a rectangle, by corners
-RESPONSE_CODE, RECEPTANCE_CODE, COHERENCE_CODE = 1, 4, 6  # UFF's numbers of functions
-TRANSLATION_Z = 3  # and of a direction
-SAMPLES_PER_PERIOD = 64  # of the period that is written
-LINES_PER_DATASET = 40  # in one dataset 82, which some programs read to its 125th node only
-MAX_UNEVENNESS = 1e-6  # of a step, within which times or frequencies are even
+MAX_EDGE_RATIO = 2.5  # times the median edge's length; longer edges span a gap
+FRAMES_PER_PERIOD = 32
+CELL_TYPES = {2: 3, 3: 5, 4: 9}  # VTK's codes of line, triangle and rectangle, by corners
+RESPONSE_CODE, RECEPTANCE_CODE, COHERENCE_CODE = 1, 4, 6  # UFF's function types
+TRANSLATION_Z = 3  # UFF's code of a direction
+SAMPLES_PER_PERIOD = 64  # of the exported time response
+LINES_PER_DATASET = 40  # of a dataset 82, of which some programs read only 125 nodes
+MAX_UNEVENNESS = 1e-6  # of a step, within which an abscissa counts as even
 
 
 def write_formats(
@@ -40,17 +40,17 @@ def write_formats(
     moved: xr.Dataset | None = None,
     recordings: Sequence[Recording] = (),
 ) -> None:
-    """Write a measurement into a folder, in each format of what it holds.
+    """Write a measurement into a folder, in all formats for its kind of result.
 
-    That is what ``shape_result``, ``modes_result`` or ``estimate_response`` returns; what
-    :func:`~.history.time_histories` returns of it, for a shape in any case; and the cameras, in the
-    frame of the calibration.
+    `data` is what ``shape_result``, ``modes_result`` or ``estimate_response`` returns; `moved` is
+    what :func:`~.history.time_histories` returns for it, required for a shape; `recordings` have
+    the cameras in the frame of the calibration.
     """
     if moved is not None:
         storage.write_netcdf(moved, folder / "motion.nc")
         history.write_csv(folder / "motion.csv", moved)
-        # In m along Z: datasets 151, 164, 15, 82 and 58. 0 stands for what is missing, since the
-        # format has no sign for that, and a marker that is never seen is left out.
+        # In m along Z: datasets 151, 164, 15, 82 and 58. Missing values are 0, since the format
+        # cannot mark them; a marker that is never seen is left out.
         rows = (moved["displacement"].sel(axis="z").values.T / 1e3).astype(float)
         responses = _responses(_title_of(moved), moved["time"].values, rows)
         _write_sets(folder / "motion.uff", _title_of(moved), data, responses)
@@ -92,13 +92,13 @@ def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     scipy.io.savemat(path, values, do_compression=True, long_field_names=True, oned_as="column")
 
 
-# Which markers are neighbours, and one period of their motion as grids for ParaView.
+# Neighbouring markers, and one period of their motion as grids for ParaView.
 
 
 def marker_faces(x: ArrayLike, y: ArrayLike) -> IntArray:
-    """Return the faces between markers, from 0, with corners in one sense of rotation.
+    """Return the faces between markers as indices from 0, with corners in one sense of rotation.
 
-    Places x and y (markers,) are in m. Faces are rectangles (faces, 4) if the markers fill a grid
+    `x` and `y` (markers,) are in m. Faces are rectangles (faces, 4) if the markers fill a grid
     of rows and columns, else triangles (faces, 3) (Delaunay) without those that span a gap; none if
     all markers stand on one line.
     """
@@ -134,7 +134,7 @@ def write_vtk(folder: Path, data: xr.Dataset) -> None:
     """Write ``period.pvd`` and the unstructured grids ``period-00.vtu`` … that it lists.
 
     Points are the markers at rest, in m. ``displacement`` is a vector in m for ParaView's *Warp By
-    Vector*; ``deflection``, ``amplitude`` and ``standard_error`` in m and ``phase_deg`` are numbers
+    Vector*; ``deflection``, ``amplitude`` and ``standard_error`` in m and ``phase_deg`` are scalars
     for its colours. Markers without a result are left out.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -183,10 +183,10 @@ def write_uff(path: Path, data: xr.Dataset) -> None:
 
     Markers are nodes 1, 2, … at their places on the structure (dataset 15, SI units by 164), lines
     join neighbours (82). The complex amplitude of each mode, or of the one deflection, is dataset
-    55, a shape along Z: damped modes are complex eigenvectors with their eigenvalue in 1/s, steady
-    tones are responses at a frequency. Of one deflection there is, node by node, also one period of
-    the fitted motion as a time response, dataset 58, which programs animate that know no shapes.
-    Markers without a result are left out.
+    55, a shape along Z: damped modes are complex eigenvectors with their eigenvalue in 1/s, sines
+    are responses at a frequency. A single deflection also has one period of the fitted motion of
+    each node as a time response, dataset 58, for programs that cannot animate shapes. Markers
+    without a result are left out.
     """
     name, sets = _title_of(data), list[dict[str, Any]]()
     several = "mode" in data.dims
@@ -215,7 +215,7 @@ def write_uff(path: Path, data: xr.Dataset) -> None:
 def write_response(path: Path, data: xr.Dataset) -> None:
     """Write receptances by H1 and coherences of every marker: datasets 151, 164, 15, 82 and 58.
 
-    The node after the markers' is where the force acts. Functions are of type 4, motion along Z in
+    The node after the markers is the point of the force. Functions are of type 4, motion along Z in
     m over a force along Z in N, and coherences of type 6; markers that were lost are left out.
     """
     name, f = _title_of(data), data["frequency"].values
@@ -249,7 +249,7 @@ def _title_of(data: xr.Dataset) -> str:
 def _write_sets(path: Path, name: str, data: xr.Dataset, results: Iterable[dict[str, Any]]) -> None:
     """Write a new file: header, units, nodes in ``data`` and the lines between, then results.
 
-    Nodes that were not seen at rest are where the plan has them, beside the others.
+    Nodes not seen at rest are at their nominal positions, shifted by the mean offset of the others.
     """
     places, flat = data["rest_position"].values, np.stack([data["x"].values, data["y"].values])
     seen = np.isfinite(places).all(axis=0)
@@ -273,7 +273,7 @@ def _write_sets(path: Path, name: str, data: xr.Dataset, results: Iterable[dict[
     pairs = marker_edges(data["x"].values, data["y"].values) + 1
     for k, start in enumerate(range(0, len(pairs), LINES_PER_DATASET)):
         part = pairs[start : start + LINES_PER_DATASET]
-        pen = np.column_stack([np.zeros(len(part), int), part]).ravel()[1:]  # 0 lifts it
+        pen = np.column_stack([np.zeros(len(part), int), part]).ravel()[1:]  # 0 lifts the pen
         trace = {"trace_num": k + 1, "n_nodes": len(pen), "nodes": pen}
         sets.append(pyuff.prepare_82(**trace, color=1, id="neighbouring markers"))
     file = pyuff.UFF(str(path))
@@ -282,7 +282,7 @@ def _write_sets(path: Path, name: str, data: xr.Dataset, results: Iterable[dict[
 
 
 def _responses(name: str, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
-    """Yield a time response along Z of every marker that is ever known, in m; 0 where it is not."""
+    """Yield the time response along Z of every marker ever seen, in m; 0 where it is missing."""
     for k in np.flatnonzero(np.isfinite(rows).any(axis=1)):
         row = np.nan_to_num(rows[k])
         yield _function_set(
@@ -304,7 +304,7 @@ def _function_set(
 
 
 def _even_step(x: Array) -> float:
-    """Return the step of times or frequencies that rise evenly; 0 if they do not."""
+    """Return the step of evenly spaced times or frequencies; 0 if they are uneven."""
     step = float(x[-1] - x[0]) / (len(x) - 1)
     return step if np.all(np.abs(np.diff(x) - step) < MAX_UNEVENNESS * step) else 0.0
 
@@ -312,11 +312,11 @@ def _even_step(x: Array) -> float:
 def sep005_channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
     """Return the deflections of the markers as SEP 5 dictionaries, one for each.
 
-    Python's vibration packages hand them to each other; `SDyPy's proposal 5
-    <https://github.com/sdypy/sdypy/blob/main/docs/seps/sep-0005.rst>`_ says which keys they have:
+    Python's vibration packages exchange these; `SDyPy's proposal 5
+    <https://github.com/sdypy/sdypy/blob/main/docs/seps/sep-0005.rst>`_ defines their keys:
     ``name``, ``data`` (times,) in ``unit_str``, which is m, ``quantity`` "d" (displacement), ``fs``
-    in Hz or, if the frames were not taken at even times, ``time`` in s. Markers that are never seen
-    are left out. `motion` is ``motion.nc`` of a measurement, or what is in it.
+    in Hz or, if the frames are not evenly spaced, ``time`` in s. Markers that are never seen
+    are left out. `motion` is ``motion.nc`` of a measurement, or its dataset.
 
     Examples
     --------

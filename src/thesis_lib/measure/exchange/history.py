@@ -1,10 +1,9 @@
-"""The motion of every marker from frame to frame, in mm.
+"""Displacement time histories of all markers, in mm.
 
-Cameras take their frames at times of their own. The instants are those of the first camera's
-frames. Every other track is interpolated there by Lagrange's polynomial through the six nearest
-frames. In the steady part only what the fitted harmonic leaves is interpolated, so that neither a
-frequency near or above half of the frame rate nor an exposure's blur takes anything from the
-amplitude.
+The cameras' frames are not simultaneous. Time histories have the times of the first camera's
+frames; tracks are interpolated there by Lagrange's polynomial through the six nearest frames. In
+the steady-state interval only the residual of the harmonic fit is interpolated, so that neither a
+frequency near or above half of the frame rate nor motion blur reduces the amplitude.
 """
 
 from collections.abc import Sequence
@@ -23,8 +22,8 @@ from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.pinhole import project, projection_matrices
 from thesis_lib.vision.triangulation import triangulation_gain
 
-INTERPOLATION_FRAMES = 6  # frames that an interpolation rests on
-MAX_GAP_FRAMES = 2.5  # frames; nothing is interpolated by frames further apart than this
+INTERPOLATION_FRAMES = 6  # nodes of Lagrange's polynomial
+MAX_GAP_FRAMES = 2.5  # frame intervals; longer gaps are not interpolated
 # Of the frame rate; faster motion cannot be interpolated, only fitted
 MAX_INTERPOLATED_RATIO = 0.25
 STEADY_FLAG, UNSTEADY_FLAG, LOST_FLAG, FAST_FLAG = range(4)
@@ -37,7 +36,7 @@ VARIABLES = read_variables(__file__, "history")
 def time_histories(
     data: xr.Dataset, recordings: Sequence[Recording], rest_duration_s: float
 ) -> xr.Dataset:
-    """Return the time histories of all markers, while all cameras recorded.
+    """Return the displacement time histories of all markers while all cameras record.
 
     `data` is what :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``;
     every camera sees the structure at rest for `rest_duration_s` at its start.
@@ -56,7 +55,7 @@ def time_histories(
     begin, end = max(first for first, _ in spans), min(last for _, last in spans)
     static = np.array([at_rest(own, rest_duration_s) for own in recordings])
     placed = project(P, rest)
-    # What cameras disagree by at rest, at all times; nothing of a marker that was hidden then
+    # Each camera's image offset at rest, subtracted at all times; 0 for markers hidden at rest
     off = np.where(np.isfinite(static), static, placed) - placed
     parts = []
     for times, _ in recordings[0].parts(begin, end):
@@ -122,7 +121,7 @@ def write_csv(path: Path, moved: xr.Dataset) -> None:
 def _at(
     own: Recording, P: Array, data: xr.Dataset, rest: Array, times: Array, steady: Mask
 ) -> Array:
-    """Return the images of the markers in a camera at other times, (2, times, markers), px."""
+    """Interpolate the marker images of a camera at other times, (2, times, markers), px."""
     pad = (INTERPOLATION_FRAMES + 1) / own.rate + abs(own.readout)
     found = [*own.parts(times[0] - pad, times[-1] + pad)]
     s, uv = (np.concatenate([part[k] for part in found]) for k in (0, 1))
@@ -145,10 +144,10 @@ def _at(
 
 
 def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
-    """Interpolate (n, 2, markers) taken at s (n,) + late (markers,) at times (m,).
+    """Interpolate values (n, 2, markers), sampled at s (n,) + late (markers,), at times (m,).
 
-    NaN where a frame that counts is missing or comes after a gap, or there are not frames enough
-    around.
+    NaN where a frame of nonzero weight is missing or beyond a gap, outside all frames, or with
+    fewer than six of them.
     """
     if len(s) < INTERPOLATION_FRAMES:
         return np.full((len(times),) + values.shape[1:], np.nan)
@@ -163,7 +162,7 @@ def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
         for j in range(INTERPOLATION_FRAMES):
             if i != j:
                 weights[i] *= (at - nodes[j]) / (nodes[i] - nodes[j])
-    weights[np.abs(weights) < 1e-6] = 0.0  # at a frame's own time the others do not count
+    weights[np.abs(weights) < 1e-6] = 0.0  # at a frame's time the others have no weight
     markers = np.arange(values.shape[2])
     result = np.zeros((len(times), 2, values.shape[2]))
     for w, k in zip(weights, index, strict=True):
@@ -171,7 +170,7 @@ def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
         result += np.where(w[:, None] == 0, 0.0, w[:, None] * taken)
     outside = (at < s[0] - 1e-6) | (at > s[-1] + 1e-6)
     apart = np.diff(nodes, axis=0).max(axis=0) > MAX_GAP_FRAMES * np.median(np.diff(s))
-    outside |= apart & (np.count_nonzero(weights, axis=0) > 1)  # a frame's own time is known
+    outside |= apart & (np.count_nonzero(weights, axis=0) > 1)  # exact at a frame's time
     result[np.broadcast_to(outside[:, None], result.shape)] = np.nan
     return result
 

@@ -1,7 +1,7 @@
-"""Check a manifest before anything is measured: what its recordings can reach, and what not.
+"""Feasibility check of a manifest before the measurement: predicted performance and warnings.
 
-What the manifest does not say is NaN; no warning follows from it. Limits and texts of the warnings
-are in ``messages.toml``.
+Values missing in the manifest are NaN; no warning follows from them. Limits and texts of the
+warnings are in ``messages.toml``.
 """
 
 import textwrap
@@ -26,22 +26,22 @@ from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.web.html import render_lines
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264
-#: Error of a motion in an image, rms at the worst of all motions, px: in H.264 by x264's own
-#: defaults, which stand for a phone's, and without loss; the book's benchmarks measure both
+#: Rms error of image motion for the worst motion, px: in H.264 with x264's defaults, which
+#: represent a phone's, and lossless; the book's benchmarks measure both
 COMPRESSED_ERROR_PX, LOSSLESS_ERROR_PX = 0.0783, 0.00414
-#: Share of the largest deflection by which the shape may be wrong: compressed, at the least motion
+#: Acceptable shape error over the largest deflection: of compressed video at the least motion
 MAX_SHAPE_ERROR = COMPRESSED_ERROR_PX / CHECK_LIMITS["small-motion"]
-MIN_SEEN_SHARE = 0.5  # of the markers that two cameras see, below which no shape comes out
+MIN_SEEN_SHARE = 0.5  # share of markers seen by two cameras that a shape needs
 MAX_HIGHER_MODES = 3  # natural frequencies above the driven one: those that ring longest
-MAX_MODES = 100  # natural frequencies among which these are searched
-MIN_MODE_RATIO = 1.2  # of the driven frequency, from which a natural one is that of another mode
+MAX_MODES = 100  # natural frequencies searched for these
+MIN_MODE_RATIO = 1.2  # of the driven frequency; natural ones above it are of other modes
 TEXT_COLUMNS = 100
 TABLE_HEADER = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
 
 
 @dataclass(frozen=True)
 class Warning:
-    """A limit that is not kept: a stable code, the field it is about, one line."""
+    """A violated limit: a stable code, the field of the manifest, one line of text."""
 
     code: str
     where: str
@@ -50,23 +50,23 @@ class Warning:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Predicted errors of the shape, as shares of its largest deflection, and what would do.
+    """Predicted errors of the shape over its largest deflection, and deflections that suffice.
 
-    NaN where the manifest does not say enough, too few markers are seen, or no shape is measured.
+    NaN where the manifest lacks values, too few markers are seen, or no shape is measured.
     """
 
-    result: str  #: What is measured, as :class:`.Behaviour` has it
-    compressed: float  #: With a phone's film
+    result: str  #: Kind of result, see :class:`.Behaviour`
+    compressed: float  #: Error with a phone's compressed video
     lossless: float
     whole_pixels: float
-    #: Largest deflections from which either kind of film will do, mm
+    #: Least peak deflections at which compressed and lossless video suffice, mm
     compressed_from_mm: float
     lossless_from_mm: float
-    seen: float  #: Share of the markers that two cameras see at least
+    seen: float  #: Share of the markers that at least two cameras see
 
     @property
     def outcome(self) -> str:
-        """Return which films will do: compressed or lossless ones, none, or why it is unknown."""
+        """Return which video suffices: compressed, lossless, none, or why it is unknown."""
         outcomes = {  # the first that applies
             "unseen": self.seen < MIN_SEEN_SHARE,
             "response": self.result == "response",
@@ -81,7 +81,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Assessment:
-    """Warnings, checks that could not be made, numbers of each camera, and of all together."""
+    """Warnings, unknowns, and predicted performance of each camera and of the rig."""
 
     warnings: tuple[Warning, ...]
     unknown: tuple[str, ...]
@@ -91,23 +91,23 @@ class Assessment:
 
 
 def assess_manifest(manifest: Manifest) -> Assessment:
-    """Return what the manifest's recordings can reach, what they cannot, and what is unknown.
+    """Predict the performance of a manifest's recordings, with warnings and unknowns.
 
     No file is read. The standard errors assume a scatter of the centres of :data:`CENTRE_NOISE_PX`.
 
     Parameters
     ----------
     manifest : Manifest
-        Structure, cameras with places and lenses, board and excitation.
+        Structure, cameras with positions and lenses, board and excitation.
 
     Returns
     -------
     Assessment
-        What each camera sees, errors in mm and in parts of the amplitude, warnings, a verdict.
+        Each camera's view, errors in mm and relative to the amplitude, warnings, a verdict.
     """
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
     steady, slowest = prediction.steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
-    with np.errstate(all="ignore"):  # what is not given is NaN
+    with np.errstate(all="ignore"):  # missing values are NaN
         view = prediction.view_markers(manifest, float(np.nan_to_num(amplitude)))
         errors = prediction.predict_errors(manifest, view, amplitude, CENTRE_NOISE_PX)
         if (result := manifest.excitation.behaviour.result) == "response":
@@ -139,9 +139,9 @@ def _predict_shape_errors(
 ) -> Verdict:
     """Predict the errors of the shape, for a largest deflection in mm.
 
-    A film that takes a share of every image's motion takes it of the shape, too, however many
-    cameras there are: at most of the one that sees least. Errors that are independent from camera
-    to camera are more only where all see from nearly the same side.
+    Compression that reduces image motion reduces the shape, too, for any number of cameras: at most
+    by the share in the camera with the least image motion. Errors that are independent between
+    cameras exceed this only where all cameras look from nearly the same side.
     """
     rises = np.linalg.norm(view.J[view.located, :, 2], axis=1) / 1000
     least_px_mm = np.fmax.reduce(rises, axis=1).min() if rig.located > 1 else np.nan
@@ -172,7 +172,7 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
     rest, given = manifest.excitation.rest_duration_s, manifest.excitation.steady_interval_s
     steady = np.float64(given[1] - given[0] if given else np.nan)
     rest_field, steady_field = "excitation.rest_duration_s", "excitation.steady_interval_s"
-    checks = {  # code: field, what there is, and how much of it in a second
+    checks = {  # code: field, available amount, amount per second
         "short-rest": (rest_field, rest, 1.0),
         "few-rest-frames": (rest_field, rest * rate, rate),
         "few-frames": (steady_field, steady * rate, rate),
@@ -180,7 +180,7 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
     }
     for code, (where, amount, in_second) in checks.items():
         least = CHECK_LIMITS[code]
-        if amount < least - 1e-9:  # by rounding, frames and periods may come out too few
+        if amount < least - 1e-9:  # tolerance for rounding
             known = {"rest": rest, "steady": steady, "rate": rate}
             known |= {"frames": amount, "periods": amount}
             yield _warn(code, where, seconds=_format_least(least / in_second), **known)
@@ -189,7 +189,7 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
 
 
 def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning]:
-    """Check one frame rate against the vibration and the structure's own frequencies."""
+    """Check one frame rate against the vibration and the structure's natural frequencies."""
     steady, f = prediction.steady_seconds(manifest), manifest.excitation.frequency_hz
     if f is None:
         return
@@ -203,7 +203,7 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
         "given": f"the frame rate is {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz",
         "seen": seen, "steady": steady, "off": off, "share": off / f, "edge": edge, "rate": rate,
     }  # fmt: skip
-    checks = {  # code: if wrong, what would do
+    checks = {  # code: if violated, what suffices
         "undersampled": (folded and not declared, _format_least(2 * f, 6)),
         "alias": (folded and declared, ""),
         "alias-edge": (folded and declared and edge < least_edge, _format_least(least_edge)),
@@ -227,16 +227,16 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
 def _check_camera(
     manifest: Manifest, camera: CameraFiles, row: CameraPrediction, where: str, corners: Mask
 ) -> Iterator[Warning]:
-    """Check exposure, lens and place of one camera, and how it sees markers and corners."""
+    """Check exposure, lens and position of one camera, and its view of markers and corners."""
     f, limits = np.float64(manifest.excitation.frequency_hz or np.nan), CHECK_LIMITS
     distance, elevation = camera.distance_mm or np.nan, camera.elevation_deg or np.nan
     focal, stop = camera.focal_length_mm or np.nan, camera.f_number or np.nan
     blur_px = limits["motion-blur"] * np.float64(row.across_px)
     count = manifest.structure.marker_points.shape[1]
     sharper = row.defocus_px / limits["depth-of-field"]
-    # From half a period on an exposure sees the whole swing, and blurs no more.
+    # The predicted blur min(2πfT, 2) A is constant for exposures T above 1 / (πf).
     blurring_s = np.fmin(camera.exposure_s, 1 / (np.pi * f))
-    checks: list[tuple[str, str, Any, float]] = [  # code, field, if wrong, what would do
+    checks: list[tuple[str, str, Any, float]] = [  # code, field, if violated, what suffices
         ("long-exposure", "exposure_s", f * camera.exposure_s > limits["long-exposure"],
          limits["long-exposure"] / f),
         ("motion-blur", "exposure_s", row.blur_px > blur_px,
@@ -277,7 +277,7 @@ def _check_rig(
             azimuth = manifest.cameras[j].azimuth_deg
             where = f"cameras[{j}].azimuth_deg"
             yield _warn("same-line", where, azimuth=azimuth, angle=angle, other=i)
-    if len(on) < max(len(view.located), 2):  # the others may see more
+    if len(on) < max(len(view.located), 2):  # unlocated cameras may see more
         return
     if lost := int(np.isnan(errors).sum()):
         yield _warn("lost-markers", "cameras", lost=lost, count=len(errors))
@@ -326,7 +326,7 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
 
 
 def describe_assessment(assessment: Assessment) -> list[str]:
-    """Return lines to print: tables, then warnings, then what was not checked."""
+    """Format an assessment as lines: tables, then warnings, then unknowns."""
     rows = [TABLE_HEADER.split(",")] + [
         [
             one.name,
@@ -338,7 +338,7 @@ def describe_assessment(assessment: Assessment) -> list[str]:
             _format_known(one.lost, ".1%"),
             _format_pair(one.near_mm, one.far_mm),
             _format_pair(one.nearest_mm, one.farthest_mm),
-            _format_known(np.floor(100 * one.in_view + 1e-9) / 100, ".0%"),  # 100% is all of them
+            _format_known(np.floor(100 * one.in_view + 1e-9) / 100, ".0%"),  # 100% only if all stay
             _format_known(one.move_spacings),
         ]
         for one in assessment.table
@@ -362,7 +362,7 @@ def describe_assessment(assessment: Assessment) -> list[str]:
 
 
 def _group_warnings(assessment: Assessment) -> dict[tuple[str, ...], list[str]]:
-    """Return the fields that a warning is about, by its text, its code and the field's name."""
+    """Group the fields of equal warnings by text, code and name of the field."""
     same: dict[tuple[str, ...], list[str]] = {}
     for warning in assessment.warnings:
         key = warning.text, warning.code, warning.where.split("]")[-1]
@@ -371,7 +371,7 @@ def _group_warnings(assessment: Assessment) -> dict[tuple[str, ...], list[str]]:
 
 
 def describe_verdict(assessment: Assessment) -> list[str]:
-    """Return lines to print: how wrong the shape would be, and whether it will do."""
+    """Format the verdict as lines: predicted errors of the shape, and whether they suffice."""
     lines = render_lines(
         "measure/report/templates/verdict.txt.j2",
         verdict=assessment.verdict,

@@ -1,6 +1,6 @@
-"""What cameras can show of a structure, in closed forms, and manifests drafted by it.
+"""Closed-form predictions of camera performance, and draft manifests.
 
-A draft, of telephones around a structure, is made before anything is recorded.
+A draft manifest plans a recording with phones around a structure.
 """
 
 import tomllib
@@ -21,14 +21,14 @@ from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, vali
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision import optics, pinhole, rounding, triangulation
 
-DEFAULT_STEADY_S = 1.0  # of steady recording that errors stand for where the manifest gives none
+DEFAULT_STEADY_S = 1.0  # steady-state interval of predicted errors if the manifest has none
 OPTICS_FIELDS = (
     "focal_length_mm", "sensor_width_mm", "distance_mm", "azimuth_deg", "elevation_deg",
 )  # fmt: skip
 _PHONE_FILE = Path(__file__).with_name("phone.toml")
 PHONE_CAMERA = tomllib.loads(_PHONE_FILE.read_text(encoding="utf-8"))
 FIRST_AZIMUTH_DEG, ELEVATION_DEG = 20.0, 30.0  # of the first camera, of all
-DISTANCE_MARGIN = 1.05  # over the distance from which the structure just fits into every image
+DISTANCE_MARGIN = 1.05  # over the least distance at which the structure fits into every image
 MARKER_COLUMNS, MARKER_ROWS = 6, 4  # of a plate's markers, unless they are given
 MAX_DIAMETER_MM = 12.0  # of a marker
 STEADY_INTERVAL_S = [5.0, 35.0]  # half a minute
@@ -41,31 +41,31 @@ REPORTED_FIELDS = (
 
 @dataclass(frozen=True)
 class CameraPrediction:
-    """Predicted performance of one camera; NaN where the manifest does not say enough."""
+    """Predicted performance of one camera; NaN where the manifest lacks values."""
 
-    name: str  #: The camera
+    name: str
     #: Length d/f that a pixel spans at the structure's centre across the axis, mm
     ground_sample_mm: float
     #: Axes D f/d and D sin φ f/d of a marker's image there, px
     along_px: float
     across_px: float
-    #: Most that an image moves in an exposure, min(2πfT, 2) A ∂(u, v)/∂Z, px, and the share 1 −
-    #: sin(πfT)/(πfT) of the amplitude that the exposure takes
+    #: Largest image motion in an exposure, min(2πfT, 2) A ∂(u, v)/∂Z, px, and the share 1 −
+    #: sin(πfT)/(πfT) of the amplitude that motion blur removes
     blur_px: float
     lost: float
-    #: Depths between which points are sharp, mm
+    #: Limits of the depth of field, mm
     near_mm: float
     far_mm: float
-    #: Depths of the nearest and the farthest marker as they move, mm; largest circle of confusion
+    #: Depths of the nearest and the farthest vibrating marker, mm; largest circle of confusion
     #: of the two, f²/(N(d − f)) |1 − d/z|, px
     nearest_mm: float
     farthest_mm: float
     defocus_px: float
     in_view: float  #: Share of the markers that stay in the image
     gap_px: float  #: Least distance between the edges of two images of markers and hole, px
-    motion_px: float  #: Most that an image moves from rest, A ∂(u, v)/∂Z, px
-    #: Most that a marker moves from frame to frame, 2A |sin(πf/r)|, as it seems along the plane at
-    #: rest, by the cotangent of the line of sight, over the least spacing
+    motion_px: float  #: Largest image motion from rest, A ∂(u, v)/∂Z, px
+    #: Largest apparent motion between frames along the plane at rest, 2A |sin(πf/r)| times the
+    #: cotangent of the line of sight's elevation, over the least spacing
     move_spacings: float
 
 
@@ -73,9 +73,9 @@ class CameraPrediction:
 class RigPrediction:
     """Predicted standard errors of the deflection: rms over the markers, and worst, in mm."""
 
-    located: int  #: Cameras whose lens and place are given; only they count
-    noise_px: float  #: Scatter of the centres that is assumed, px
-    #: Length of the steady recording, s, and frames in it of the slowest camera
+    located: int  #: Cameras with given lens and position; others are ignored
+    noise_px: float  #: Assumed scatter of the centres, px
+    #: Steady-state interval, s, and the slowest camera's frames in it
     steady_interval_s: float
     frames: int
     #: Of one frame, of the harmonic fit, and of whole-pixel centres at `amplitude_mm`, mm
@@ -87,11 +87,11 @@ class RigPrediction:
 
 @dataclass(frozen=True)
 class PredictedView:
-    """Markers as the cameras see them, as far as the manifest gives their places; cameras first.
+    """Predicted views of the markers, NaN for unlocated cameras; the first axis is the camera.
 
-    Values of OPTICS; matrices; directions; world points (3, n); depths (cameras, 3, n) at −A, 0
-    and A; whether markers stay in the image, and corners at rest; Jacobian (cameras, 2, 3, n) in
-    px/m; what deflection seems to move on the plane at rest, over deflection.
+    Values of OPTICS_FIELDS; projection matrices; directions; world points (3, n); depths (cameras,
+    3, n) at −A, 0 and A; whether markers stay in the image, and corners at rest; Jacobian (cameras,
+    2, 3, n) in px/m; apparent motion along the plane at rest over deflection.
     """
 
     optics: Array
@@ -106,12 +106,12 @@ class PredictedView:
 
     @property
     def located(self) -> Mask:
-        """Return which cameras have a lens and a place."""
+        """Return which cameras have a lens and a position."""
         return np.asarray(np.isfinite(self.optics).all(axis=1))
 
 
 def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
-    """Return the view of the cameras while the markers swing by an amplitude in m."""
+    """Predict the views of the cameras for markers that vibrate with an amplitude in m."""
     cameras, s = manifest.cameras, manifest.structure
     optics = np.array([[getattr(c, name) for name in OPTICS_FIELDS] for c in cameras], float)
     azimuth, elevation = np.radians(optics[:, 3:].T)
@@ -144,8 +144,8 @@ def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
 def _least_gap(P: Array, markers: board.Markers) -> float:
     """Return the least distance in px between the edges of two images, of markers and hole.
 
-    Their centres are projected by P. Convex sets are apart by the most that their projections on
-    any direction n are; those of discs with the Jacobian J = ∂(u, v)/∂(X, Y), shape (2, 2, n),
+    P projects their centres. The distance of convex sets is the largest gap between their
+    projections on any direction n; discs with the Jacobian J = ∂(u, v)/∂(X, Y), shape (2, 2, n),
     reach D/2 |Jᵀn| from their centres.
     """
     X = markers.world
@@ -175,7 +175,7 @@ def predict_camera(
     swept = min(2 * np.pi * f * exposure, 2.0) * amplitude
     step = 2 * amplitude * abs(np.sin(np.pi * f / camera.rate_hz))
     lift = np.fmax.reduce(np.linalg.norm(view.J[i, :, 2], axis=0))
-    widest = CHECK_LIMITS["depth-of-field"] * pitch  # circle of confusion that is sharp, mm
+    widest = CHECK_LIMITS["depth-of-field"] * pitch  # acceptable circle of confusion, mm
     near, far = map(float, optics.depth_of_field(focal, stop, distance, widest))
     spacing = markers.nearest.min()  # infinite for one marker
     return CameraPrediction(
@@ -198,7 +198,7 @@ def predict_camera(
 
 
 def steady_seconds(manifest: Manifest) -> float:
-    """Return the length of the steady recording in s."""
+    """Return the length of the steady-state interval in s."""
     begin, end = manifest.excitation.steady_interval_s or (0.0, DEFAULT_STEADY_S)
     return end - begin
 
@@ -206,7 +206,7 @@ def steady_seconds(manifest: Manifest) -> float:
 def predict_errors(
     manifest: Manifest, view: PredictedView, amplitude: float, noise: float
 ) -> list[Array]:
-    """Return the errors in mm of each marker: of one frame, of the fit, of whole pixels."""
+    """Predict the errors in mm of each marker: of one frame, of the fit, of whole pixels."""
     on = view.located
     if np.count_nonzero(on) < 2:
         return [np.full(view.points.shape[1], np.nan)] * 3
@@ -224,7 +224,7 @@ def predict_errors(
 
 
 def rms_and_worst(errors: Array) -> tuple[float, float]:
-    """Return root mean square and largest of the errors that are known; NaN if none is."""
+    """Return root mean square and largest of the known errors; NaN if there are none."""
     known = errors[~np.isnan(errors)]
     if len(known) == 0:
         return np.nan, np.nan
@@ -234,10 +234,10 @@ def rms_and_worst(errors: Array) -> tuple[float, float]:
 def noise_errors(P: Array, points: Array, sigma: Array, seen: Mask) -> Array:
     """Return the standard errors √Σ (∂Z/∂m σ)² of heights for centre noise, shape (n,), m.
 
-    For the amplitude of a harmonic fit to N frames, σ is √(2/N) times that of one. By projection
-    matrices (cameras, 3, 4), of world points (3, n) in m, with the noise of each camera's
-    coordinates in px, (cameras,). `seen` is which camera sees which point, (cameras, n); NaN where
-    fewer than two do.
+    P are projection matrices (cameras, 3, 4), `points` (3, n) in m, `sigma` the noise of each
+    camera's coordinates in px, (cameras,): for the amplitude of a harmonic fit to N frames √(2/N)
+    times that of one. `seen` (cameras, n) is whether a camera sees a point; NaN where fewer than
+    two do.
     """
 
     def variance(on: Mask, X: Array) -> Array:
@@ -251,7 +251,7 @@ def rounding_errors(P: Array, points: Array, amplitude: float, turn: float, seen
     """Return the rms errors of whole-pixel centres by the law of rounding, shape (n,), m.
 
     The frame nearest to a maximum shows A cos ψ, with ψ uniform in ±turn/2, for an amplitude A in m
-    and a turn from frame to frame in rad. The others are as in :func:`noise_errors`.
+    and a phase step `turn` between frames in rad. Other parameters are as in :func:`noise_errors`.
     """
     up = np.zeros((3, 16, 1))
     up[2, :, 0] = amplitude * np.cos((np.arange(16) + 0.5) / 16 * turn / 2)
@@ -264,7 +264,7 @@ def rounding_errors(P: Array, points: Array, amplitude: float, turn: float, seen
 
 
 def _errors_by_view(variance: Callable[[Mask, Array], Array], points: Array, seen: Mask) -> Array:
-    """Return errors by the cameras that see a point; infinite where these stand in line."""
+    """Return errors by the cameras that see a point; infinite where these are in line with it."""
     result = np.full(points.shape[1], np.nan)
     for on, where in group_visible(seen):
         try:
@@ -275,11 +275,11 @@ def _errors_by_view(variance: Callable[[Mask, Array], Array], points: Array, see
 
 
 def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:
-    """Write ``planned.yaml`` into a folder, which is made if there is none; nothing in it is read.
+    """Write ``planned.yaml`` into a folder, which is created if missing; read no file in it.
 
-    Given are fields by path; ``cameras`` is how many there are. Returned are the path of the
-    manifest, and where the cameras stand and what was not given and so assumed, line by line. A
-    ManifestError says that there is such a manifest already, or what is not allowed.
+    `given` has fields by path; ``cameras`` is the number of cameras. Return the path of the
+    manifest, and lines with the camera positions and the assumed values. Raise ManifestError if the
+    manifest exists, or for values that are not allowed.
     """
     path = folder / "planned.yaml"
     if path.exists():
@@ -298,11 +298,11 @@ def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]
 
 
 def draft_manifest(given: Mapping[str, Any]) -> Manifest:
-    """Return the manifest of telephones on all sides, as near as the structure fits in view.
+    """Return a manifest of phones on all sides, as near as the whole structure is in view.
 
-    Azimuths are even; for a structure that is more than twice as long as wide, two sides are
-    favoured, since from its ends it is seen foreshortened. A ManifestError says what is not
-    allowed.
+    Azimuths are evenly spaced; for a structure more than twice as long as wide they move towards
+    its long sides, since its ends show it foreshortened. Raise ManifestError for values that are
+    not allowed.
     """
     count, rest = given["cameras"], {k: v for k, v in given.items() if k != "cameras"}
     if type(count) is not int or not 2 <= count <= 16:
@@ -335,7 +335,7 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
 
 
 def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return markers all over a plate, unless any of theirs is given."""
+    """Return markers that cover a plate; none if any field of markers is given."""
     size: list[Any] = [given.get(f"structure.{side}_mm") for side in ("length", "width")]
     known = all(isinstance(one, (int, float)) and one > 0 for one in size)
     own = any(name.startswith("structure.markers") for name in given)
@@ -353,7 +353,7 @@ def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _nearest_distance(manifest: Manifest) -> float:
-    """Return the distance in mm from which all cameras have all of the structure in view."""
+    """Return the least distance in mm, with a margin, that puts the structure in all images."""
     low, high = 1.0, 1e5
     while high > 1.001 * low:
         middle = float(np.sqrt(low * high))

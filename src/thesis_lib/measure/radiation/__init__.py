@@ -1,1 +1,1 @@
-"""What a measured structure radiates, and how certain that is."""
+"""Sound radiation of a measured structure, with its uncertainty."""

@@ -1,4 +1,4 @@
-"""The sound of a measurement: what the manifest asks for, and files of it."""
+"""Sound radiation of a measurement, as its manifest requests, and its files."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,21 +19,21 @@ from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.studies import storage
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 
-MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their plane at rest
-# Times what noise explains, up to which a model's modes are taken for the shape
+MAX_FLATNESS_RATIO = 0.02  # markers' distance from their plane at rest over the longer side
+# Largest residual of a fitted model, over that expected from noise, at which the model is used
 MAX_MODEL_CHI = 3.0
 PLANE_SHAPE = (61, 41)  # points of a plane
 SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s
-FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
+FADE_S, RISE_S = 0.05, 0.005  # s; fade in and out, and fade in of decays
 
 
 def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
-    """Compute the sound that the measured structure radiates, as the manifest asks for it.
+    """Compute the sound that the measured structure radiates, as the manifest requests.
 
-    From what :func:`thesis_lib.measure.fitting.result.shape_result` returns, or
+    `data` is what :func:`thesis_lib.measure.fitting.result.shape_result` returns, or
     :func:`thesis_lib.measure.modes.identify.modes_result`, with the calibration's covariance if
-    that is known. The result is that of :func:`.radiate_sound`, in a rigid wall, and of
-    :func:`.estimate_change` without one; its attributes tell what was assumed.
+    that is known. The result joins those of :func:`.radiate_sound`, in a rigid wall, and of
+    :func:`.estimate_change`, without one; its attributes state the assumptions.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     asked, structure = manifest.radiation, manifest.structure
     assert asked is not None
     several = data
-    if "mode" not in data.dims:  # the shape of one tone, in the form of several modes
+    if "mode" not in data.dims:  # the shape of one sine, in the form of several modes
         wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
         several = data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
     amplitude = complex_of(several, "amplitude")
@@ -78,7 +78,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         structure.thickness_mm / 1000,
     )
     step = radiated.largest_gap(markers)
-    # The material's flexural wave that is two spacings long: ω = k² √(D/m), k being π a spacing.
+    # The flexural wave two spacings long: ω = k² √(D/m) with k = π / spacing.
     thickness, nu = structure.thickness_mm / 1000, structure.poissons_ratio
     stiffness = structure.youngs_modulus_pa * thickness**2 / (12 * (1 - nu**2))
     fastest = (np.pi / step) ** 2 * np.sqrt(stiffness / structure.density_kg_m3)
@@ -99,10 +99,10 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
 
 
 def decays_of(data: xr.Dataset) -> Array | None:
-    """Return decay rates in 1/s and how they err, as :func:`.radiate_sound` takes them.
+    """Return decay rates in 1/s and their errors, as :func:`.radiate_sound` takes them.
 
-    The data are those of :func:`thesis_lib.measure.modes.identify.modes_result`, or of one tone;
-    None of steady tones.
+    `data` is what :func:`thesis_lib.measure.modes.identify.modes_result` returns, or the shape of
+    one sine. Return None if nothing decays.
     """
     if not data.get("damping", np.zeros(1)).any():
         return None
@@ -127,16 +127,16 @@ def _check(data: xr.Dataset, known: Mask, structure: manifest_parts.StructureSpe
 
 
 def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
-    """Return all shapes, the covariance of each marker's errors, and what markers share.
+    """Return all shapes with their covariance, from each marker's errors and common errors.
 
-    By the calibration they err all together, and by an error of size, where the grid does not fit.
-    A decay that is not well known makes a whole shape too large, or turns it. The data are those of
-    :func:`thesis_lib.measure.modes.identify.modes_result`, of which the `known` markers count; the
+    Common errors are those of the calibration, and of the scale where the grid does not fit. An
+    uncertain decay rate makes a whole shape too large, or turns its phase. `data` is that of
+    :func:`thesis_lib.measure.modes.identify.modes_result`, of which `known` markers are used;
     amplitudes are in m, mode after mode.
     """
     amplitude = complex_of(data, "amplitude")[:, known]
     rows = [size_off(float(data["grid_scale"].values.flat[0])) * amplitude[None]]
-    if "shared_real" in data:  # else of a calibration whose errors are unknown
+    if "shared_real" in data:  # else the errors of the calibration are unknown
         shared = complex_of(data.transpose("row", "mode", "marker", ...), "shared")
         rows.append(shared[:, :, known])
     if "scale_deviation" in data:
@@ -156,7 +156,7 @@ def _choose_motion(
     markers: Array,
     shapes: estimates.Amplitudes,
 ) -> radiated.Between:
-    """Choose the motion at (2, n) between markers: by a fitting model, else by a spline."""
+    """Interpolate the markers' motion to places (2, n): by a model if it fits, else a spline."""
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
         radius = structure.markers.diameter_mm / 2000
@@ -171,7 +171,7 @@ def _choose_motion(
 
 
 def write_sound(folder: Path, data: xr.Dataset) -> None:
-    """Write the sound, as numbers and as files that play, into a folder that is there."""
+    """Write the sound as netCDF, CSV and WAV files into an existing folder."""
     storage.write_netcdf(data, folder / "radiated.nc")
     text_files.write_csv(sound_table(data), folder / "radiated.csv", "%.6g")
     for number in range(data.sizes["point"]):
@@ -180,10 +180,9 @@ def write_sound(folder: Path, data: xr.Dataset) -> None:
 
 
 def audible_pressure(data: xr.Dataset, point: int) -> Array:
-    """Return the pressure in Pa at a point over time, all tones together, faded in and out.
+    """Return the time signal of the pressure in Pa at a point, of all sines, faded in and out.
 
-    Tones have the phases that were measured. Modes die away from the moment on that their
-    amplitudes are of.
+    Sines have their measured phases. Modes decay from the moment that their amplitudes refer to.
     """
     times = np.arange(int(SOUND_RATE_HZ * SOUND_LENGTH_S)) / SOUND_RATE_HZ
     pressure = complex_of(data, "pressure")[:, point]
@@ -195,7 +194,7 @@ def audible_pressure(data: xr.Dataset, point: int) -> Array:
 
 
 def sound_table(data: xr.Dataset) -> pd.DataFrame:
-    """Return every number with its standard error, one in a row."""
+    """Return a table of all quantities with their standard errors, one quantity a row."""
     rows: list[tuple[object, ...]] = []
 
     def add_rows(of: object, one: xr.Dataset, names: Sequence[str], what: object = "") -> None:

@@ -1,18 +1,18 @@
-"""The sound of measured shapes, with standard errors that come from those of the shapes.
+"""Sound radiation of measured shapes, with standard errors propagated from the shapes.
 
-What the markers do, the surface between them does, as a linear function. Where there is a model of
-the structure, its first modes are fitted to the markers, as many as these tell apart. A camera fits
-the edge of a marker, so a marker shows the mean of the motion around its edge, and that is what is
-fitted. Else the thinnest plate that goes through all markers is bent: the thin plate spline
-(J. Duchon, 1977), which on supported edges is held at rest.
+The motion of the surface is a linear function of the markers' motion. With a model of the
+structure, its first modes are fitted to the markers, as many as these can distinguish. Tracking
+fits the edge of a marker, so a marker shows the mean motion around its edge, and modes are averaged
+there, too. Without a model, a thin plate spline (J. Duchon, 1977) goes through all markers, and is
+zero on supported edges.
 
 The structure lies in a rigid wall. Pressure and power follow by Rayleigh's integral
-(:mod:`thesis_lib.acoustics.surfaces`), their errors from the markers' and from what errors of the
-calibration do to all markers and tones together (:mod:`thesis_lib.acoustics.estimates`).
+(:mod:`thesis_lib.acoustics.surfaces`), their errors from those of the markers and from calibration
+errors, common to all markers and sines (:mod:`thesis_lib.acoustics.estimates`).
 
-Powers of tones add up, over times that are long against their beats. A mode that decays counts as
-the steady tone that it is at one moment: at time t after it the power is W e^(−2αt), so W / 2α in
-all.
+Powers of sines add up over times that are long compared with their beats. A decaying mode counts as
+a sine with its amplitude at one moment: a time t later its power is W e^(−2αt), its total energy
+W / 2α.
 """
 
 from collections.abc import Sequence
@@ -31,39 +31,39 @@ from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Beam, Plate
 
 Model = Beam | Plate | Panel
-MARKERS_PER_WAVE = 3  # to the length of the shortest mode that is fitted
+MARKERS_PER_WAVE = 3  # per wavelength of the shortest fitted mode
 TELL_APART = 30.0  # largest condition number of a fit
 EDGE_POINTS = 12  # places on a marker's edge
-MAX_TRIED_MODES = 60  # modes that are tried
-OCTAVE_RATIO = 10**0.3  # base ten, as the standard has it
+MAX_TRIED_MODES = 60
+OCTAVE_RATIO = 10**0.3  # base ten, as in the standard
 NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
 ALL_TONES = "all"
-SURFACE_NODES = 1600  # of the surface
-PER_WAVE = 8  # nodes to the length of a sound wave, at least
-LISTED_RADIATION_MODES = 6  # radiation modes that are told
+SURFACE_NODES = 1600  # at least
+PER_WAVE = 8  # nodes per acoustic wavelength, at least
+LISTED_RADIATION_MODES = 6  # in a result
 DECIBELS_PER_NEPER = 10 / np.log(10)
 VARIABLES = read_variables(__file__, "sound")
-#: Cells of the screen, and of one whose answer differs by the error: 0.1 dB or less
+#: Cells of the screen, and of a coarser one for the discretisation error: 0.1 dB or less
 SCREEN_CELLS = (400, 200)
 NO_WALL_VARIABLES = read_variables(__file__, "without_wall")
 
 
 @dataclass(frozen=True)
 class Between:
-    """How the surface moves by its markers."""
+    """Linear interpolation of the surface's motion from its markers'."""
 
     kind: Literal["model", "spline"]
-    #: Displacement of places by that of the markers, shape (..., markers) for places (2, ...)
+    #: Matrix from the markers' displacements to places', (..., markers) for places (2, ...)
     moving: Array
-    #: The markers' own by all of them, as fitted, (markers, markers); by a spline, each as the
-    #: others have it
+    #: Matrix from the markers' displacements to fitted ones, (markers, markers); a spline predicts
+    #: each marker from the others
     fitted: Array
-    modes: int = 0  #: That are fitted, of a model
+    modes: int = 0  #: Number of fitted modes of a model
 
     def left(self, of: estimates.Amplitudes) -> tuple[float, float]:
-        """Return the norm of the residuals, and what errors alone would make of it (rms), in m.
+        """Return the norm of the residuals, and its rms expected from errors alone, in m.
 
-        By a spline, a marker's residual is that against the others.
+        A spline's residual at a marker is that of its prediction from the others.
         """
         D = np.kron(np.eye(2), np.eye(len(self.fitted)) - self.fitted)
         noise = np.sqrt(np.sum((D @ of.covariance) * D))
@@ -71,10 +71,10 @@ class Between:
 
 
 def largest_gap(markers: Array) -> float:
-    """Return the distance in m to the next marker where that is largest, of markers (2, n).
+    """Return the largest distance in m between neighbouring markers (2, n).
 
-    Along the structure and across it by themselves: close rows of markers that are far apart tell
-    no shorter waves along the rows.
+    Distances along and across the structure count separately: closely spaced rows of sparse markers
+    do not resolve shorter waves along the rows.
     """
     x, y = np.abs(markers[:, :, None] - markers[:, None])
     distance = np.hypot(x, y)
@@ -102,7 +102,7 @@ def by_model(model: Model, markers: Array, radius: float, places: Array) -> Betw
 
 
 def _inside(model: Model, points: Array, instead: Array) -> Array:
-    """Return points (2, ...) of the model, others where a panel has none."""
+    """Return points (2, ...), replaced by `instead` where a panel does not cover them."""
     if not isinstance(model, Panel):
         return points
     on = model.covers(points.reshape(2, -1)).reshape(points.shape[1:])
@@ -111,7 +111,7 @@ def _inside(model: Model, points: Array, instead: Array) -> Array:
 
 
 def _shapes(model: Model, points: Array, waves: float) -> Array:
-    """Return shapes of modes up to a wavenumber in rad/m at points (2, n), longest first."""
+    """Return mode shapes up to a wavenumber in rad/m at points (2, n), longest waves first."""
     numbers = np.arange(1, MAX_TRIED_MODES + 1)
     if isinstance(model, Beam):
         stiffness = model.bending_stiffness / (model.mass / model.length)
@@ -130,7 +130,7 @@ def _shapes(model: Model, points: Array, waves: float) -> Array:
 
 
 def by_spline(markers: Array, held: Array, places: Array) -> Between:
-    """Interpolate by a thin plate spline through markers (2, n), at rest at held (2, k)."""
+    """Interpolate by a thin plate spline through markers (2, n) that is zero at held (2, k)."""
     n = markers.shape[1]
     every = np.concatenate([markers, held], axis=1).T
     unit = np.eye(len(every))[:, :n]
@@ -147,7 +147,7 @@ def by_spline(markers: Array, held: Array, places: Array) -> Between:
 
 
 def edge_places(corners: Array, edges: list[int], step: float) -> Array:
-    """Return places (2, n) on some edges of a polygon, at most a step in m apart."""
+    """Return places (2, n) on given edges of a polygon, at most a step in m apart."""
     found = [np.empty((2, 0))]
     for edge in edges:
         a, b = corners[edge], corners[(edge + 1) % len(corners)]
@@ -157,9 +157,9 @@ def edge_places(corners: Array, edges: list[int], step: float) -> Array:
 
 
 def group_octaves(hertz: ArrayLike) -> dict[str, IntArray]:
-    """Return the tones in each octave, by its nominal centre in Hz; before them all together.
+    """Return the indices of the sines in each octave, by nominal centre in Hz, after those of all.
 
-    Tones below the lowest or above the highest band are in none.
+    Sines below the lowest or above the highest band are in none.
 
     Examples
     --------
@@ -184,14 +184,14 @@ def radiate_sound(
     medium: radiation.Medium,
     decays: Array | None = None,
 ) -> xr.Dataset:
-    """Compute the sound that a surface radiates at some frequencies in rad/s.
+    """Compute the sound that a surface radiates at angular frequencies in rad/s.
 
-    Shapes are of the markers in m, one tone after the other, with what errors they have in common;
-    `between` tells how the surface's nodes move by them. The pressure is wanted at points (3, n) in
-    m from the surface's centre, the field in planes that are all of one size. Tones that decay have
-    rates α in 1/s, e^(−αt), their standard errors, and the relative ones of amplitudes that come
-    with these, for a faster decay began larger: (3, tones). The result has :data:`VARIABLES`, those
-    of a decay if there is one.
+    `shapes` are the markers' amplitudes in m, sine after sine, with their covariance; `between`
+    interpolates them to the surface's nodes. The pressure is computed at `points` (3, n) in m from
+    the surface's centre, the field in `planes` of equal size. `decays` (3, sines) are decay rates α
+    in 1/s, e^(−αt), their standard errors, and the resulting relative errors of the amplitudes: a
+    larger rate implies a larger amplitude. The result has :data:`VARIABLES`, those of decays only
+    with `decays`.
     """
     n, B = len(shapes.value) // len(omegas), between.moving
     places = np.arange(len(omegas) * n).reshape(-1, n)
@@ -251,9 +251,9 @@ def radiate_sound(
 
 
 def _of_decays(decays: Array, power: Array, error: Array) -> dict[str, Array]:
-    """Return the energies W / 2α. An error of α that made W too large makes the time too short.
+    """Return the energies W / 2α. An overestimated α makes W too large and the time too short.
 
-    NaN of a mode that does not seem to die away.
+    NaN for a mode that does not decay.
     """
     decay, wrong, size = decays
     alpha = np.where(decay > 0, decay, np.nan)
@@ -273,14 +273,14 @@ def _of_bands(
     at: Sequence[ComplexArray],
     sum_std: float,
 ) -> dict[str, Array]:
-    """Sum the sines' powers and mean squares in each band, whose errors are in common.
+    """Sum the sines' powers and mean square pressures in each band, with correlated errors.
 
-    `sum_std` is the relative error of a power by the sum over the surface, as of one sine.
+    `sum_std` is the relative error of a power by the sum over the surface, as for one sine.
     """
     heard = np.swapaxes(at, 0, 1)[:, :, None] / np.sqrt(2)  # (points, tones, 1, markers)
     found = []
     for band, shape in zip(bands, shapes, strict=True):
-        # The rows (k, markers) of each tone as rows of the amplitudes of all tones in the band.
+        # The rows (k, markers) of each sine as rows for the amplitudes of all sines in the band.
         each = [scipy.linalg.block_diag(*(rows[k] for k in band)) for rows in (ways, *heard)]
         sums = [estimates.estimate_sum(one, shape) for one in each]
         found.append([(one.value, one.error) for one in sums])
@@ -301,13 +301,13 @@ def _with_error(name: str, known: estimates.Estimate) -> dict[str, Array]:
 def _levels(
     name: str, scale: float, reference: float, known: estimates.Estimate
 ) -> dict[str, Array]:
-    """Return the level in dB and its standard error; NaN where errors are all there is."""
+    """Return the level in dB and its standard error; NaN where the estimate is not positive."""
     value = np.where(known.value > 0, known.value, np.nan)
     return {name: scale * np.log(value / reference), f"{name}_error": scale * known.error / value}
 
 
 def count_nodes(extent: tuple[float, float], omega: float, medium: radiation.Medium) -> int:
-    """Return how many nodes a surface of an extent in m needs."""
+    """Return the number of nodes that a surface of an extent in m needs."""
     wave = 2 * np.pi * medium.speed_of_sound / omega
     return max(SURFACE_NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
 
@@ -322,14 +322,14 @@ def estimate_change(
     narrow: float,
     thickness: float,
 ) -> xr.Dataset:
-    """Compare the power of one side without a wall with that in one, tone by tone.
+    """Estimate by how much the power of one side changes without a wall, sine by sine.
 
-    `moving` is how the nodes of the structure in a wall move by the markers, (nodes, markers);
-    `screens` are the structure without a wall by finer and by coarser cells, and how these move,
-    (cells, markers). Shapes are of the markers in m, one tone after the other. The structure is
-    `narrow` and of a thickness, in m: an ellipse of their ratio moves more air than a thin strip,
-    by that ratio, all of which counts as uncertain. Returned are :data:`NO_WALL_VARIABLES`; NaN
-    where cells are too coarse, or where errors are all there is.
+    `moving` (nodes, markers) interpolates the markers' motion to the structure in a wall; `screens`
+    are the structure without a wall in fine and in coarse cells, each with its matrix (cells,
+    markers). `shapes` are the markers' amplitudes in m, sine after sine. `narrow` is the smaller
+    side in m, like `thickness`: an ellipse of their ratio moves more air than a thin strip, by that
+    ratio, all of which counts as uncertainty. Return :data:`NO_WALL_VARIABLES`; NaN where cells are
+    too coarse, or an estimate is not positive.
     """
     thick = 2 * DECIBELS_PER_NEPER * np.log1p(thickness / narrow)
     rows = []

@@ -28,21 +28,21 @@ Frame = NDArray[np.uint8]  # (height, width, 3), RGB
 FRAMES_A_PERIOD, FRAME_RATE_HZ = 24, 12
 SHOWN_PERIODS = 3  # in the video
 SHAPE_SIZE_PX = 720, 480
-DRAWN_DEFLECTION = 0.12  # of the structure's length as which the largest deflection is drawn
+DRAWN_DEFLECTION = 0.12  # largest drawn deflection over the structure's length
 SHAPE_COLORMAP = "PuOr"
 MAX_OVERLAY_S, MAX_OVERLAY_WIDTH_PX = 4.0, 960  # of the video with markers
 FOUND_COLOUR, LOST_COLOUR = (255, 92, 0), (255, 0, 190)  # of a marker
 
 
 def write_shape(path: Path, data: xr.Dataset) -> None:
-    """Write a shape in motion, as ``.gif`` and ``.mp4`` of a path without ending."""
+    """Write an animated shape as ``.gif`` and ``.mp4``; the path has no suffix."""
     frames = draw_period(data)
     write_gif(path.with_name(f"{path.name}.gif"), frames, FRAME_RATE_HZ)
     write_mp4(path.with_name(f"{path.name}.mp4"), SHOWN_PERIODS * frames, FRAME_RATE_HZ)
 
 
 def draw_period(data: xr.Dataset) -> list[Frame]:
-    """Draw one period of the fitted motion, seen obliquely, in colours by deflection."""
+    """Draw one period of the fitted motion in oblique view, coloured by deflection."""
     amplitude = 1e3 * complex_of(data, "amplitude")
     known = np.isfinite(amplitude)
     amplitude, x, y = amplitude[known], data["x"].values[known], data["y"].values[known]
@@ -89,9 +89,9 @@ def _draw_canvas(canvas: FigureCanvasAgg) -> Frame:
 
 
 def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
-    """Draw the frames of a camera from a time on, with a ring around each tracked marker.
+    """Draw the frames of a camera from a time in s on, with a ring around each tracked marker.
 
-    A marker that was lost has its last place crossed out.
+    A cross marks the last position of a lost marker.
     """
     first, _ = own.between(begin, begin)
     count = min(len(own.centres) - first, int(MAX_OVERLAY_S * own.rate) + 1)
@@ -116,7 +116,7 @@ def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
 
 
 def write_gif(path: Path, frames: list[Frame], rate: float) -> None:
-    """Write frames as a GIF that goes on for ever, in one palette from every third of them."""
+    """Write frames as an endless GIF, with one palette from every third of them."""
     plain, coverage = Pictures.Dither.NONE, Pictures.Quantize.MAXCOVERAGE
     palette = Pictures.fromarray(np.concatenate(frames[::3])).quantize(method=coverage)
     images = [Pictures.fromarray(one).quantize(palette=palette, dither=plain) for one in frames]
@@ -126,14 +126,14 @@ def write_gif(path: Path, frames: list[Frame], rate: float) -> None:
 
 
 def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
-    """Write frames of even size as H.264 in an MP4 file that every player and browser shows."""
+    """Write frames of even size as H.264 in an MP4 file that every player and browser plays."""
     remaining = iter(frames)
     first, options = next(remaining), {"movflags": "+faststart"}
     with av.open(media_info.file_address(path), "w", format="mp4", options=options) as file:
         stream = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
         assert isinstance(stream, av.VideoStream)
         stream.height, stream.width = first.shape[:2]
-        # Without mbtree, whose assembly does not give the same bytes each time.
+        # Without mbtree, whose assembly code does not give the same bytes each time.
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": "20", "preset": "veryfast", "mbtree": "0"}
         for frame in chain([first], remaining):

@@ -1,4 +1,4 @@
-"""Reports of measurements: pages that load nothing, their figures, and lines for the terminal."""
+"""Reports of measurements: self-contained pages, their figures, and lines for the terminal."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _TEMPLATE_FOLDER = "measure/report/templates/"
 
 
 def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
-    """Return the markers with a result as a moving surface: a self-contained HTML fragment.
+    """Return an animated surface of the measured markers as a self-contained HTML fragment.
 
-    It begins at the maximum of the deflection. The extent is length and width of the structure, m.
+    It starts at the maximum of the deflection. `extent` is the structure's length and width, m.
     """
     turned = data["deflection"].values + 1j * data["quadrature"].values
     known = np.isfinite(turned)
@@ -56,7 +56,7 @@ def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
 
 
 def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
-    """Return the sound field of one tone in motion: a self-contained HTML fragment."""
+    """Return the animated sound field of one sine as a self-contained HTML fragment."""
     u, z = 1000 * one["u"].values, 1000 * one["z"].values
     field = complex_of(one, "field")
     names = [str(name) for name in one["plane"].values]
@@ -83,11 +83,11 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
 
 @dataclass(frozen=True)
 class Report:
-    """A report, or a part of one."""
+    """A report, or a section of one."""
 
     page: str
-    summary: list[str]  #: What was found, in a few lines
-    notes: list[Note]  #: What a reader should know before trusting it
+    summary: list[str]  #: The main results, in a few lines
+    notes: list[Note]  #: Messages to consider before trusting a result
     pictures: Mapping[str, html.Picture]
 
     def write_files(self, folder: Path) -> None:
@@ -106,7 +106,7 @@ def _assemble(
     parts: Mapping[str, Report | None],
     **values: object,
 ) -> Report:
-    """Fill in a template with what every report has, and with its parts on sound and response."""
+    """Fill in a template with the common contents, and the sections on sound and response."""
     known = [part for part in parts.values() if part]
     pictures = dict(pictures)
     for part in known:
@@ -139,7 +139,7 @@ def build_shape(
     firsts: Sequence[Image],
     sound: Report | None = None,
 ) -> Report:
-    """Return the report on the shape of one frequency, with a part on sound where there is any.
+    """Return the report on the shape at one frequency, with the section on sound, if any.
 
     `seen` is what :func:`~thesis_lib.measure.report.figures.collect_diagnostics` returns;
     `firsts` the first frame of each camera, (height, width).
@@ -199,7 +199,7 @@ def tabulate_shape(data: xr.Dataset) -> pd.DataFrame:
 
 
 def summarise_shape(data: xr.Dataset) -> list[str]:
-    """Return what was found, in a few lines."""
+    """Return the main results, in a few lines."""
     w, error = data["deflection"].values, data["standard_error"].values
     most = int(np.nanargmax(np.abs(np.where(np.isfinite(error), w, np.nan))))
     return html.render_lines(
@@ -214,7 +214,7 @@ def summarise_shape(data: xr.Dataset) -> list[str]:
 def build_modes(
     data: xr.Dataset, manifest: Manifest, response: Report | None, sound: Report | None
 ) -> Report:
-    """Return the report on several modes, with parts on force and sound where there are any."""
+    """Return the report on several modes, with the sections on response and sound, if any."""
     figures = {
         "stabilisation": draw.draw_stabilisation(data),
         "assurance": draw.draw_assurance(data),
@@ -272,9 +272,9 @@ def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
 
 
 def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
-    """Return the report on motion over a force, or the part of one if modes are measured, too.
+    """Return the report on receptances, or its section if modes are measured, too.
 
-    It shows the drive point, and the markers that are surest and least sure.
+    It shows the drive point, and the markers with the least and the largest relative error.
     """
     size, drive = np.abs(complex_of(data, "receptance")[0]), int(data["drive"]) - 1
     error, markers = data["standard_error"].values[0], {"drive": drive}
@@ -307,7 +307,7 @@ def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
 
 
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
-    """Return the part of a report on radiated sound: levels, fields, modes, assumptions."""
+    """Return the section of a report on radiated sound: levels, fields, modes, assumptions."""
     tones = list(iterate_slices(data, "tone"))
     points = [one for tone in tones for one in iterate_slices(tone, "point")]
     bands = [data.sel(band=band) for band in data["band"].values]

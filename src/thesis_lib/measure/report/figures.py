@@ -1,4 +1,4 @@
-"""Figures of a measurement: shape, cameras, residuals, modes, response; and data they draw."""
+"""Figures of a measurement: shape, cameras, residuals, modes, response; and their data."""
 
 from collections.abc import Sequence
 from itertools import compress
@@ -23,10 +23,10 @@ from thesis_lib.studies.cubes import complex_of, iterate_slices
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.pinhole import project_points
 
-MAX_FRAMES = 2000  # of a camera, the last ones, that show the motion
+MAX_FRAMES = 2000  # last frames of a camera in the figure of the motion
 VARIABLES = read_variables(__file__, "first_frames")
 WIDTH_IN = 7.6
-NARROW_WIDTH_IN = 5.6  # letters can be read on a phone, too
+NARROW_WIDTH_IN = 5.6  # legible on a phone
 MAX_PHOTOGRAPH_PX = 1000  # width at which photographs are stored
 BAR_SIGMAS = 2  # standard errors that bars show
 # Relative changes within which a pole is the same from one fit to the next
@@ -36,11 +36,11 @@ MAX_POLE_SHIFT, MAX_POLE_DAMPING_CHANGE = 0.01, 0.05
 def collect_diagnostics(
     data: xr.Dataset, moved: xr.Dataset, manifest: Manifest, recordings: Sequence[Recording]
 ) -> xr.Dataset:
-    """Collect what the figures of a report draw besides the result.
+    """Collect the data that figures of a report need in addition to the result.
 
-    From what :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``, and
-    :func:`~thesis_lib.measure.exchange.history.time_histories`. Clocks are corrected as theirs
-    were. Tracks are NaN where a camera has fewer frames than another.
+    `data` is what :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``,
+    `moved` the :func:`~thesis_lib.measure.exchange.history.time_histories`. Clocks are corrected as
+    for these. Tracks are padded with NaN where a camera has fewer frames than another.
     """
     marker = int(np.nanargmax(np.abs(data["deflection"].values)))
     begin, end = data["steady"].values
@@ -48,7 +48,7 @@ def collect_diagnostics(
     for own in in_step(data, recordings):
         t, uv = own.read_tracks(max(begin, end - MAX_FRAMES / own.rate), end)
         seen = uv[:, :, marker]
-        side = int(np.nanargmax(np.nan_to_num(np.nanstd(seen, axis=0))))  # u or v, the livelier
+        side = int(np.nanargmax(np.nan_to_num(np.nanstd(seen, axis=0))))  # u or v, with more motion
         sides.append(side)
         times.append(t)
         tracks.append(seen[:, side] - np.nanmean(seen[:, side]))
@@ -138,7 +138,7 @@ def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
             panel.plot(*place, "s", color=ink)
             panel.annotate(name, place, xytext=(5, 5), textcoords="offset points")
         panel.set(aspect="equal", xlabel="x in mm", ylabel=f"{'xyz'[up]} in mm", title=title)
-        panel.margins(0.12, 0.12 if up == 1 else 0.35)  # names of all on one height fit below
+        panel.margins(0.12, 0.12 if up == 1 else 0.35)  # room for names of cameras at one height
     return figure
 
 
@@ -159,7 +159,7 @@ def draw_corners(data: xr.Dataset) -> Figure:
 
 @in_style()
 def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
-    """Draw the marker that moves most, folded into one period, as each camera saw it."""
+    """Draw the tracks of the marker with the largest deflection, folded into one period."""
     period = 1 / float(data["frequency"])
     names = style.drawable_names([f"camera {name}" for name in seen["camera"].values], "camera")
     figure, panels = style.panel_grid(len(names), WIDTH_IN, 1.75, sharex=True)
@@ -205,7 +205,7 @@ def draw_photograph(image: Image, found: Array, outline: Array) -> Figure:
 
 
 def _stable_poles(data: xr.Dataset) -> Mask:
-    """Return which poles stay as they were in the fit with one mode less, (orders, places)."""
+    """Return which poles agree with one of the fit with one mode less, (orders, poles)."""
     f, zeta = data["order_frequency"].values, data["order_damping"].values
     stable = np.zeros(f.shape, bool)
     for n in range(1, len(f)):
@@ -289,7 +289,7 @@ def draw_response(data: xr.Dataset, marker: int) -> Figure:
 
 
 def _round_ticks(low: float, high: float) -> list[float]:
-    """Return round numbers between two, four or more where there are so many."""
+    """Return round numbers from `low` to `high`, at least four where possible."""
     for digits in ((1, 2, 5), range(1, 10)):
         found = [n * 10.0**k for k in range(-2, 5) for n in digits if low <= n * 10.0**k <= high]
         if len(found) >= 4:
@@ -299,11 +299,11 @@ def _round_ticks(low: float, high: float) -> list[float]:
 
 @in_style()
 def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
-    """Draw the cameras of a manifest, and a map of the standard errors they would reach, by name.
+    """Draw the cameras of a manifest, and a map of predicted standard errors; figures by name.
 
-    A ManifestError says that fewer than two cameras have a lens and a place.
+    Raise ManifestError if fewer than two cameras have a lens and a position.
     """
-    with np.errstate(all="ignore"):  # what is not given is NaN
+    with np.errstate(all="ignore"):  # missing values are NaN
         view = prediction.view_markers(manifest, 0.0)
         _, fit, _ = prediction.predict_errors(manifest, view, np.nan, assess.CENTRE_NOISE_PX)
     there = view.located

@@ -1,4 +1,4 @@
-"""Conditions of the notes that a report begins with.
+"""Conditions of the notes at the start of a report.
 
 Their limits and texts are in ``messages.toml``.
 """
@@ -16,13 +16,13 @@ from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.response.result import wanted_interval
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 
-# Times its time constant 1 / (2πζf) in which a resonance settles: to e⁻⁴, 2 %
+# Settling time of a resonance over its time constant 1 / (2πζf): to e⁻⁴, 2 %
 SETTLING_TIME_CONSTANTS = 4.0
-MAX_BLUR = 0.15  # share by which a peak is estimated to be lower, up to which that is reliable
+MAX_BLUR = 0.15  # largest share by which a peak is lowered that is reliably estimated
 
 
 def check_shape(data: xr.Dataset) -> list[Note]:
-    """Return the notes on the shape of one frequency."""
+    """Return the notes on the shape at one frequency."""
     return [*_check_frequency(data), *_check_cameras(data), *_check_fit(data)]
 
 
@@ -114,8 +114,8 @@ def note_pace(name: str, first: str, pace: float, error: str = "") -> Note:
 
 
 def check_board(data: xr.Dataset) -> Iterator[Note]:
-    """Compare the residuals of the board's corners in all cameras with those of each alone."""
-    if "single_rms" not in data:  # a calibration that was reused
+    """Compare corner residuals of the joint calibration with those of each camera alone."""
+    if "single_rms" not in data:  # an imported calibration
         return
     together = float(data.get("reprojection_rms", np.nan))
     if together > NOTE_LIMITS["board-moved"] * (alone := known_rms(data["single_rms"].values)):
@@ -206,13 +206,13 @@ def check_sound(data: xr.Dataset) -> Iterator[Note]:
 
 
 def no_wall_change(one: xr.Dataset) -> str:
-    """Return the change of the power of a tone without a wall in dB, with its standard error."""
+    """Format the change of a sine's power without a wall in dB, with its standard error."""
     change, std = float(one["no_wall_change"]), float(one["no_wall_change_std"])
     return f"{change:+.1f} ± {std:.2g}" if np.isfinite(change) else "not estimated"
 
 
 def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
-    """Yield the notes on motion over a force."""
+    """Yield the notes on receptances."""
     times, filmed = data["time"].values, tuple(data["filmed"].values)
     wanted = wanted_interval(manifest, filmed)
     recorded = wanted[1] - wanted[0]
@@ -252,14 +252,14 @@ def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
 
 
 def _peak(data: xr.Dataset) -> tuple[float, float]:
-    """Return the frequency in Hz at which markers move most for a force, and that in m/N."""
+    """Return the frequency in Hz of the largest rms receptance, and its value in m/N."""
     size = np.sqrt(np.nanmean(np.abs(complex_of(data, "receptance")[0]) ** 2, axis=0))
     top = int(np.argmax(size))
     return float(data["frequency"].values[top]), float(size[top])
 
 
 def _check_ringing(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
-    """Report a single segment that ends before the structure is at rest, unless that is noise."""
+    """Report a single segment that ends before the motion does, unless its end is noise."""
     top, _ = _peak(data)
     zeta = manifest.structure.damping
     last = data["displacement"].values[-(data.sizes["time"] // 8) :]
@@ -270,7 +270,7 @@ def _check_ringing(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
 
 
 def _check_sweep(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
-    """Report a sweep that passes the resonance faster than that settles."""
+    """Report a sweep that passes the resonance faster than this settles."""
     begin, end = data["sweep"].values
     if not np.isfinite(begin):
         return
@@ -284,7 +284,7 @@ def _check_sweep(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
 
 
 def _check_segments(data: xr.Dataset) -> Iterator[Note]:
-    """Report a peak that segments blur by more than it is uncertain by noise."""
+    """Report a peak whose error by the segment length exceeds that by noise."""
     top, size = _peak(data)
     own = data.sel(estimator="H1", frequency=top)
     blur, error = (np.sqrt(np.nanmean(own[k].values ** 2)) for k in ("blur", "standard_error"))
@@ -297,5 +297,5 @@ def _check_segments(data: xr.Dataset) -> Iterator[Note]:
             hertz=top,
             how="much" if share > MAX_BLUR else f"by about {share:.1%}",
             noise=noise / size,
-            longer=seconds * (blur / max(noise, 1e-3 * size)) ** 0.4,  # as T⁻² and, of noise, √T
+            longer=seconds * (blur / max(noise, 1e-3 * size)) ** 0.4,  # blur ~ T⁻², noise ~ √T
         )
