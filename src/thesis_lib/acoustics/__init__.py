@@ -1,10 +1,10 @@
-"""What a vibrating plate radiates, and what errors of its deflection do to that.
+"""Sound radiation of vibrating plates, and its errors due to deflection errors.
 
-To start from: a plate as pistons (:func:`.plate_pistons`), the pressure that they make on a plane
+Start with a plate as pistons (:func:`.plate_pistons`), their pressure on a plane
 (:class:`.Plane`, :func:`.plane_operator`) or anywhere (:func:`.rayleigh_pressure`), their
-:func:`.sound_power`, what errors of the deflection do to both (:class:`.PlateSound`), which errors
-are heard (:func:`.radiation_modes`), and radiators of any outline, in a wall (:class:`.Surface`) or
-without one (:class:`.Screen`).
+:func:`.sound_power`, the errors of both due to deflection errors (:class:`.PlateSound`), the errors
+that radiate most (:func:`.radiation_modes`), and radiators of any outline, in a wall
+(:class:`.Surface`) or without one (:class:`.Screen`).
 """
 
 from thesis_lib.acoustics.planes import Plane, PlateSound, plane_operator, plate_pistons

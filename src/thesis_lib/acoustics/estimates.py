@@ -1,13 +1,13 @@
-"""What is known of the sound of a measured vibration: values and their standard errors.
+"""Sound of a measured vibration: estimates without bias, and their standard errors.
 
 A measurement gives complex amplitudes ŵ = w + e with Gaussian errors e of mean 0. Stack real and
 imaginary parts, x = (Re w, Im w), and let Σ be the covariance of x̂. A pressure is linear in w; a
-power is a quadratic form xᵀAx. Of a measured one
+power is a quadratic form xᵀAx. The form of measured amplitudes has
 
     E x̂ᵀAx̂ = xᵀAx + tr AΣ,    Var x̂ᵀAx̂ = 4 xᵀAΣAx + 2 tr AΣAΣ
 
-exactly. So errors have a power of their own, which is taken off; and since x̂ in place of x makes
-the first term of the variance too large by 4 tr AΣAΣ, that is taken off, too.
+exactly. The errors' own power tr AΣ is therefore subtracted. As x̂ in place of x makes the first
+term of the variance too large by 4 tr AΣAΣ, that is subtracted, too.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ class Amplitudes:
         return np.concatenate([self.value.real, self.value.imag])
 
     def part(self, places: IntArray) -> Amplitudes:
-        """Return the amplitudes at some places."""
+        """Return the amplitudes at some indices."""
         both = np.concatenate([places, len(self.value) + places])
         return Amplitudes(self.value[places], self.covariance[np.ix_(both, both)])
 
 
 def stack_matrix(matrix: ArrayLike) -> Array:
-    """Return the real (2m, 2n) matrix by which a complex (m, n) one acts on stacked parts."""
+    """Return the real (2m, 2n) matrix that applies a complex (m, n) one to stacked parts."""
     M = np.asarray(matrix)
     return np.block([[M.real, -M.imag], [M.imag, M.real]])
 
@@ -54,17 +54,17 @@ def stack_matrix(matrix: ArrayLike) -> Array:
 def circular_estimate(
     value: ArrayLike, variance: ArrayLike, common: ArrayLike | None = None
 ) -> Amplitudes:
-    """Return amplitudes whose parts err alike, independently but for common errors.
+    """Return amplitudes with equal variances of both parts, independent but for common errors.
 
     Parameters
     ----------
     value : array_like, shape (n,)
         Complex amplitudes.
     variance : array_like, shape (n,)
-        Of the real parts, and of the imaginary parts.
+        Variance of each real part, and of each imaginary part.
     common : array_like, shape (k, n), optional
-        Complex: each row is what one error of standard deviation 1, independent of the others,
-        adds to all amplitudes, as a calibration's does.
+        Complex: each row is the effect on all amplitudes of one error of standard deviation 1,
+        independent of the others, such as a calibration error.
     """
     whole = np.diag(np.tile(np.asarray(variance, float), 2))
     if common is not None:
@@ -75,7 +75,7 @@ def circular_estimate(
 
 
 def estimate_quadratic_form(form: ArrayLike, of: Amplitudes) -> Estimate:
-    """Estimate the form wᴴAw for a real symmetric A (n, n), without the power of errors."""
+    """Estimate the form wᴴAw for a real symmetric A (n, n), less the power of errors."""
     A = np.kron(np.eye(2), np.asarray(form, float))
     AS, x = A @ of.covariance, of.stacked
     value = float(x @ A @ x - np.trace(AS))
@@ -83,7 +83,7 @@ def estimate_quadratic_form(form: ArrayLike, of: Amplitudes) -> Estimate:
 
 
 def estimate_squares(rows: ArrayLike, of: Amplitudes) -> Estimate:
-    """Estimate each form |rₖ·w|² of real or complex rows (k, n), without the power of errors."""
+    """Estimate each form |rₖ·w|² of real or complex rows (k, n), less the power of errors."""
     at, S = _row_products(rows, of)
     value = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
     own = np.sum(S * S.swapaxes(1, 2), axis=(1, 2))
@@ -92,7 +92,7 @@ def estimate_squares(rows: ArrayLike, of: Amplitudes) -> Estimate:
 
 
 def estimate_sum(rows: ArrayLike, of: Amplitudes) -> Estimate:
-    """Estimate the sum of |rₖ·w|² over real or complex rows (k, n), without the power of errors."""
+    """Estimate the sum of |rₖ·w|² over real or complex rows (k, n), less the power of errors."""
     R = stack_matrix(rows)
     at, S = R @ of.stacked, R @ of.covariance @ R.T
     own = float(np.sum(S * S.T))
@@ -105,17 +105,17 @@ def estimate_ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estima
     A, B = (np.kron(np.eye(2), np.asarray(form, float)) for form in (above, below))
     a, b = (float(estimate_quadratic_form(form, of).value) for form in (above, below))
     value = a / b
-    D = A - value * B  # the quotient errs as this form does over b
+    D = A - value * B  # the quotient has the error of this form over b
     return Estimate(np.array(value), np.sqrt(_form_variance(D, of)) / abs(b))
 
 
 def widen_error(of: Estimate, relative: float) -> Estimate:
-    """Return an estimate whose standard error also holds a relative one, independent of it."""
+    """Return an estimate with an independent relative standard error added to its own."""
     return Estimate(of.value, np.hypot(of.error, relative * of.value))
 
 
 def estimate_magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
-    """Return |rₖ·w| without what errors add to its square; 0 where that is all."""
+    """Estimate |rₖ·w|, less the power of errors in its square; 0 where that exceeds the square."""
     at, S = _row_products(rows, of)
     square = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
     along = at / np.maximum(np.hypot(*at), np.finfo(float).tiny)
@@ -131,7 +131,7 @@ def _row_products(rows: ArrayLike, of: Amplitudes) -> tuple[Array, Array]:
 
 
 def _form_variance(A: Array, of: Amplitudes) -> Array:
-    """Estimate a form's variance, at least what errors alone have."""
+    """Estimate a form's variance, at least that of errors alone."""
     AS, x = A @ of.covariance, of.stacked
     own = float(np.sum(AS * AS.T))
     slopes = float(x @ AS @ A @ x)

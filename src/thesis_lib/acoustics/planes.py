@@ -1,13 +1,13 @@
 """The sound of a plate on the thesis's two planes, XZ and YZ, and its power (thesis 6.1, 6.2).
 
-Plate and plane mirror each other twice: pistons at ±a across the plane are equally far from each of
+Plate and plane have two symmetries: pistons at ±a across the plane are equally far from each of
 its points, and the kernel of a point at −u is that of +u with the pistons mirrored. So a quarter
 of the distances is enough: the velocities are folded across the plane, and the halves u > 0 and
-u < 0 see the folded velocities and their mirror image.
+u < 0 use the folded velocities and their mirror image.
 
-:class:`PlateSound` has what errors of the deflection do to both. The pressure is linear in it, so
-the rms error on a plane is ω ‖F e‖ with a small triangular factor F; the power is ω² wᵀRw with the
-radiation resistance R.
+:class:`PlateSound` computes the errors of both due to errors e of the deflection w. The pressure is
+linear in w, so the rms error on a plane is ω ‖F e‖ with a small triangular factor F; the power is
+ω² wᵀRw with the radiation resistance R.
 """
 
 from __future__ import annotations
@@ -74,16 +74,16 @@ def plate_pistons(plate: Plate) -> radiation.Pistons:
 
 @dataclass(frozen=True)
 class PlaneOperator:
-    """From piston velocities to the pressure on a plane, at one frequency."""
+    """Linear operator from piston velocities to the pressure on a plane, at one frequency."""
 
-    plane: Plane  #: Where the pressure is wanted
+    plane: Plane  #: Plane of the pressure
     grid: tuple[int, int]  #: Pistons along x and y
     #: Pressure per folded velocity at the points with u ≥ 0, in Pa s/m, complex, shape (right
     #: columns · rows, folded pistons)
     kernel: ComplexArray
 
     def fold(self, velocity: ArrayLike) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:
-        """Fold velocities (..., pistons) across the plane, and mirror the same along it."""
+        """Fold velocities (..., pistons) across the plane; return them and their mirror image."""
         v = np.asarray(velocity)
         nx, ny = self.grid
         across_along = v.reshape((*v.shape[:-1], ny, nx))
@@ -116,7 +116,7 @@ def plane_operator(
     plate : Plate
         The radiating plate; its cells are the pistons.
     plane : Plane
-        Where the pressure is wanted.
+        Plane of the pressure.
     omega : float
         Angular frequency in rad/s.
     medium : Medium
@@ -164,14 +164,14 @@ def full_factor(op: PlaneOperator) -> Array:
     return factor / np.sqrt(columns * rows) @ np.real(folded).T
 
 
-# A plane whose reference is below this share of the other's, or of the pressure of pistons that
-# move as much but without order, has none: mode (2, 2) is silent on both planes.
+# A plane is nodal if its reference pressure is below this share of the other's, or of that of
+# pistons that move as far but incoherently: mode (2, 2) is silent on both planes.
 MAX_NODAL_PRESSURE_RATIO = 1e-6
 
 
 @dataclass(frozen=True)
 class PlateSound:
-    """The sound of one deflection shape, and of others held against it."""
+    """Sound of a reference deflection shape, and errors of other shapes compared with it."""
 
     omega: float  #: Angular frequency in rad/s
     reference: Array  #: True deflection in m, shape (markers,)
@@ -224,7 +224,7 @@ class PlateSound:
 
     @property
     def independent_ratios(self) -> Array:
-        """Plane error over deflection error for errors of equal size, marker by marker."""
+        """Return plane error over deflection error for independent, equal errors of markers."""
         peak = np.abs(self.reference).max()
         return self.expected_plane_errors(np.eye(len(self.reference)) * peak**2) / 100
 
@@ -238,9 +238,9 @@ class PlateSound:
         return 100 * (self.power(deflection) / self.power(self.reference) - 1)
 
     def expected_power_error(self, covariance: ArrayLike) -> float:
-        """Return the rms power error in % by small unbiased errors, (markers, markers) covariance.
+        """Return the rms power error in % for small unbiased errors of covariance C.
 
-        Their own power, tr RC, adds to what they make the reference's vary, 4 wᵀRCRw.
+        C is (markers, markers); the errors' own power tr RC adds to the variance 4 wᵀRCRw.
         """
         C, R = np.asarray(covariance, float), self.resistance
         slope = R @ self.reference

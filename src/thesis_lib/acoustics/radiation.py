@@ -12,16 +12,15 @@ unit vectors, Z ≥ 0.
 
 *Integrals instead of sums.* Pistons at the middles of cells are a midpoint rule, whose error falls
 with the square of their size. Gauss and Legendre's rule (:func:`integrate_pressure`) gains a digit
-with every few nodes, since the integrand is smooth: a point at the height h sees its source grow to
-infinity only at a distance jh beside the plate, in the complex plane, and along a half side a the
-error falls as e^(-2n asinh(h/a)) with the nodes n.
+with every few nodes, since the integrand is smooth: for a point at the height h it is singular
+only at ±jh from the point's foot, in the complex plane, and along a half side a the error falls as
+e^(-2n asinh(h/a)) with the nodes n.
 
 *Radiation modes.* The mean square pressure on a plane is vᵀQv for real velocities v of the pistons,
-with the form Q = FᵀF of a factor F (:func:`.full_factor`). Its eigenvectors radiate one beside the
-other, without interference. Errors with the covariance C make tr(QC) on average, to which the mode
-qₖ with eigenvalue λₖ adds λₖ qₖᵀCqₖ. Only a few modes are heard, those in which markers far apart
-move alike. So errors that markers have in common radiate, and those that each has by itself hardly
-do.
+with the form Q = FᵀF of a factor F (:func:`.full_factor`). Its eigenvectors radiate independently,
+without interference. Errors with the covariance C radiate tr(QC) on average, to which the mode
+qₖ with eigenvalue λₖ adds λₖ qₖᵀCqₖ. Only a few modes radiate much, those in which distant markers
+move in phase. So errors that markers have in common radiate, and independent errors hardly do.
 """
 
 import warnings
@@ -33,7 +32,7 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray
 from thesis_lib.vibration.structure import Plate
 
-_BLOCK_PAIRS = 50_000  # point × source pairs at a time: what stays in cache
+_BLOCK_PAIRS = 50_000  # point × source pairs at a time, which stay in cache
 
 
 def _check_positive(name: str, value: float) -> None:
@@ -43,7 +42,7 @@ def _check_positive(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Medium:
-    """The fluid that the sound is in.
+    """Fluid in which the sound propagates.
 
     Raises
     ------
@@ -81,11 +80,11 @@ def wavenumber(omega: float, medium: Medium) -> float:
     return omega / medium.speed_of_sound
 
 
-FINER_PISTONS = "use more and smaller pistons"  # what callers replace by words of their own
+FINER_PISTONS = "use more and smaller pistons"  # advice that callers may replace
 
 
 def check_pistons(pistons: Pistons, omega: float, medium: Medium = AIR) -> None:
-    """Make sure that the pistons are small against the wavelength.
+    """Check that the pistons are small compared with the wavelength.
 
     Raises
     ------
@@ -210,7 +209,7 @@ def rayleigh_pressure(
     Parameters
     ----------
     pistons, velocity, omega, medium
-        As everywhere here.
+        As throughout this module.
     points : array_like, shape (3, ...)
         Observation points, Z > 0, in m.
 
@@ -237,7 +236,7 @@ def radiation_matrix(
     """Return the radiation resistance R = ω²ρ₀A_e²/(4πc) · sin(kr)/(kr), shape (rows, pistons).
 
     The power of velocities v is W = vᴴRv (Elliott and Johnson 1993); the matrix is symmetric and
-    positive semi-definite, in W s²/m². All of its rows are returned, or some.
+    positive semi-definite, in W s²/m². `rows` selects some of its rows.
     """
     k = wavenumber(omega, medium)
     check_pistons(pistons, omega, medium)
@@ -286,12 +285,12 @@ def power_level(power: ArrayLike) -> Array:
         return np.asarray(10 * np.log10(np.asarray(power, float) / REFERENCE_POWER))
 
 
-_MAX_RELATIVE_ERROR = 1e-5  # at the worst place; over all nodes it is a hundredth of that
-_EXTRA_NODES = 10  # nodes, for the shape and the wave
+_MAX_RELATIVE_ERROR = 1e-5  # at the worst point; over all nodes it is a hundredth of that
+_EXTRA_NODES = 10  # for the mode shape and the sound wave
 
 
 def enough_nodes(plate: Plate, height: float) -> tuple[int, int]:
-    """Return nodes along and across that leave an error below 1e-6 at points so high above, in m.
+    """Return the nodes along and across for an error below 1e-6 at points `height` (m) above.
 
     Examples
     --------
@@ -312,27 +311,27 @@ def integrate_pressure(
     medium: Medium = AIR,
     nodes: tuple[int, int] | None = None,
 ) -> ComplexArray:
-    """Return the pressure (...) in Pa of a plate that moves everywhere (eq. 6.4).
+    """Return the pressure (...) in Pa of a plate with a continuous velocity (eq. 6.4).
 
-    `velocity` gives normal velocities in m/s, (n,), of places (2, n) on the plate in its own frame,
-    in m. There are so many `nodes` along and across, by default those of :func:`enough_nodes`.
+    `velocity` returns normal velocities (n,) in m/s at points (2, n) in m of the plate's frame.
+    `nodes` are the numbers along and across, by default those of :func:`enough_nodes`.
     """
     points = np.asarray(points, float)
     count = nodes or enough_nodes(plate, float(points[2].min()))
     extent = np.array(plate.extent)
     (x, along), (y, across) = map(np.polynomial.legendre.leggauss, count)
     places = np.stack(np.meshgrid(x, y, indexing="ij")).reshape(2, -1) * extent[:, None] / 2
-    weights = np.outer(along * count[0], across * count[1]).ravel() / 4  # of equal ones: 1
+    weights = np.outer(along * count[0], across * count[1]).ravel() / 4  # 1 on average
     even = Pistons(places, (plate.length / count[0], plate.width / count[1]))
     moving = velocity(places + extent[:, None] / 2)
     return rayleigh_pressure(even, moving * weights, points, omega, medium)
 
 
 def radiation_modes(factor: ArrayLike) -> Array:
-    """Return the rows √λₖ qₖ, the loudest first: the factor of the same form with orthogonal rows.
+    """Return the rows √λₖ qₖ, the loudest first: a factor of the same form with orthogonal rows.
 
-    Of a `factor` (rows, pistons), ‖F v‖ being the rms pressure of real velocities v; as many as
-    there are rows or pistons, whichever is less.
+    For the `factor` F (rows, pistons), ‖F v‖ is the rms pressure of real velocities v. There are as
+    many modes as rows or pistons, whichever is less.
     """
     _, strength, ways = np.linalg.svd(np.asarray(factor, float), full_matrices=False)
     return np.asarray(strength[:, None] * ways)
@@ -342,15 +341,15 @@ def mean_squares(modes: ArrayLike, covariance: ArrayLike) -> Array:
     """Return the mean square pressure (modes,) of errors with a covariance, by radiation mode.
 
     `modes` (modes, pistons) are those of :func:`radiation_modes`, or any rows: their sum is the
-    mean of ‖F v‖². The covariance (pistons, pistons) is that of the velocities; of deflections
-    where a factor ω² is left out.
+    mean of ‖F v‖². The covariance (pistons, pistons) is that of the velocities, or of deflections
+    if the result is to be multiplied by ω².
     """
     F = np.asarray(modes, float)
     return np.asarray(np.sum((F @ np.asarray(covariance, float)) * F, axis=1))
 
 
 def coherence_ratio(factor: ArrayLike, covariance: ArrayLike) -> float:
-    """Return the rms pressure over that of errors as large on average that no two pistons share.
+    """Return the rms pressure over that of independent errors that are as large on average.
 
     √(tr QC / (tr Q · mean of C's diagonal)): 1 if errors are independent and of equal size, up to
     the square root of the number of pistons if all have the one error that radiates most.

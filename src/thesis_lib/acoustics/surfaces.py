@@ -1,23 +1,23 @@
 """Flat radiators of any outline, in a rigid wall or without one, whose motion is known at points.
 
-Motion between the points that are known is a linear function of theirs, so that all sound is
-linear, or a quadratic form, in *their* amplitudes.
+Motion between these points is a linear function of theirs, so pressures are linear, and powers
+quadratic forms, in *their* amplitudes.
 
 *In a wall* (:class:`Surface`) the outline is covered by equal cells, each with the four nodes of
 Gauss's rule. Where the outline cuts a cell, nodes have the area, the centre and the variances of
-the part inside. The error falls with the fourth power of a cell's side Δ, as (kΔ)⁴/4320 of a
+the part inside. The error falls with the fourth power of a cell's side Δ, as (kΔ)⁴/4320 for a
 wavenumber k in the surface or the air.
 
 *Without a wall* (:class:`Screen`) air flows around the edges. Both sides move together, so that the
-pressure in front is the negative of that behind, and 0 beside the structure in its plane. The
+pressure in front is the negative of that behind, and 0 in its plane outside the structure. The
 pressure difference μ follows from the velocity v by
 
     −jωρ₀ v(x) = ∫ μ(y) (1 + jkR) e^{−jkR} / (4πR³) dS,    R = |x − y|,
 
 in Hadamard's sense (A. D. Pierce, Acoustics, section 4.6), and the power of one side is
-¼ Re ∫ μ v* dS. The difference is taken as constant in each of equal cells, of which the static part
-is integrated exactly, as of a lattice of ring vortices. Such a lattice acts as if it were larger by
-a quarter of a cell at each edge, so that much is left out.
+¼ Re ∫ μ v* dS. The difference is constant in each of equal cells, whose static part is integrated
+exactly, as for a lattice of ring vortices. Such a lattice acts as if it were larger by a quarter of
+a cell at each edge, so the cells end that far inside the outline.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from thesis_lib.acoustics import radiation
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray, IntArray
 from thesis_lib.vibration import polygons
 
-# Nodes in standard deviations: of a whole cell, and of a cut one the first that all lie inside.
+# Nodes in standard deviations: UNIT_SQUARE in whole cells, the first shape that fits in cut cells.
 UNIT_SQUARE = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1]])
 UNIT_CROSS = np.sqrt(2 - 1e-6) * np.array([[-1, 1, 0, 0], [0, 0, -1, 1]])
 CELL_SHAPES = (
@@ -41,9 +41,9 @@ CELL_SHAPES = (
     0 * UNIT_SQUARE,
 )
 MIN_AREA_RATIO = 1e-9  # share of a cell's area below which a part of it is left out
-# Relative standard uncertainty of a power and of an efficiency by the sum over 1600 nodes, of whole
-# cells and what cut cells add by their share of the area: errors against Gauss's rule of high order
-# for rectangles, an L and a disc, with up to four half-waves a side.
+# Relative standard uncertainty of a power or an efficiency due to the sum over 1600 nodes, and its
+# increase per area share of cut cells: from errors against Gauss's rule of high order for
+# rectangles, an L and a disc, with up to four half-waves a side.
 SUM_STD, CUT_STD = 1e-4, 4e-3
 
 
@@ -51,17 +51,17 @@ SUM_STD, CUT_STD = 1e-4, 4e-3
 class Surface:
     """A flat surface in a rigid wall, as nodes."""
 
-    pistons: radiation.Pistons  #: The nodes from the origin, each with a quarter of a cell
+    pistons: radiation.Pistons  #: Nodes relative to the origin, each with a quarter of a cell
     share: Array  #: Area of each node over that of its piston, shape (nodes,)
-    places: Array  #: The nodes in the outline's own frame, m, shape (2, nodes)
+    places: Array  #: Nodes in the outline's frame, m, shape (2, nodes)
 
     @classmethod
     def from_outline(
         cls, outline: ArrayLike, nodes: int, origin: tuple[float, float] = (0.0, 0.0)
     ) -> Surface:
-        """Cover corners (n, 2) in m, with about so many nodes in the box around them.
+        """Cover an outline (corners, 2) in m, with about `nodes` nodes in the box around it.
 
-        Sound is computed from an origin in the outline's frame.
+        The coordinates of the sound start at `origin`, a point in the outline's frame.
         """
         corners = np.asarray(outline, float)
         low, extent = corners.min(axis=0), np.ptp(corners, axis=0)
@@ -87,19 +87,19 @@ class Surface:
 
     @cached_property
     def sum_std(self) -> float:
-        """Relative standard uncertainty of a power or an efficiency by the sum over nodes."""
+        """Relative standard uncertainty of a power or an efficiency due to the sum over nodes."""
         cut = self.share[self.share < 1 - MIN_AREA_RATIO].sum() / self.share.sum()
         return float(SUM_STD + CUT_STD * cut)
 
     def power_form(
         self, moving: ArrayLike, omega: float, medium: radiation.Medium = radiation.AIR
     ) -> Array:
-        """Form A of the radiated power wᴴAw in W of amplitudes w (points,) in m.
+        """Return the form A of the radiated power wᴴAw in W for amplitudes w (points,) in m.
 
         Parameters
         ----------
         moving : array_like, shape (nodes, points)
-            Displacement of the nodes by that of the points.
+            Displacement of the nodes per displacement of the points.
         omega, medium
             Frequency in rad/s, and the fluid.
         """
@@ -109,7 +109,7 @@ class Surface:
     def plane_wave_form(
         self, moving: ArrayLike, omega: float, medium: radiation.Medium = radiation.AIR
     ) -> Array:
-        """Form of the power ρ₀cS⟨v²⟩/2 that a plane wave of the same area and motion carries."""
+        """Return the form of the power ρ₀cS⟨v²⟩/2 of a plane wave of the same area and motion."""
         B = omega * np.asarray(moving, float)
         scale = medium.density * medium.speed_of_sound * self.pistons.area / 2
         return np.asarray(scale * B.T @ (self.share[:, None] * B))
@@ -117,12 +117,12 @@ class Surface:
     def wavenumber_forms(self, moving: ArrayLike) -> tuple[Array, Array]:
         """Return forms of summed squared slopes and displacements; their ratio is wavenumber².
 
-        Of sines along both sides it is that of the flexural wave, (mπ/a)² + (nπ/b)². Whole cells
-        count.
+        For sines along both sides it is that of the flexural wave, (mπ/a)² + (nπ/b)². Only whole
+        cells contribute.
         """
         B = np.asarray(moving, float)
         cells = B.reshape(-1, 4, B.shape[1])[self.share[::4] > 1 - MIN_AREA_RATIO]
-        apart = 4 / np.sqrt(12) * np.array(self.pistons.size)  # of two nodes, along and across
+        apart = 4 / np.sqrt(12) * np.array(self.pistons.size)  # between two nodes, along and across
         along = (cells[:, [1, 3]] - cells[:, [0, 2]]) / apart[0]
         across = (cells[:, [2, 3]] - cells[:, [0, 1]]) / apart[1]
         slopes = np.concatenate([along, across], axis=1).reshape(-1, B.shape[1])
@@ -158,7 +158,7 @@ MAX_CELL_RAD = 1.5  # wavenumber of the air times a cell's side, above which cel
 
 @dataclass(frozen=True)
 class Screen:
-    """A thin flat structure that no wall surrounds, as equal cells."""
+    """A thin flat structure without a wall around it, as equal cells."""
 
     places: Array  #: Middles of the cells in the outline's frame, m, shape (2, cells)
     numbers: IntArray  #: Their columns and rows, shape (2, cells)
@@ -166,7 +166,7 @@ class Screen:
 
     @classmethod
     def from_outline(cls, outline: ArrayLike, cells: int) -> Screen:
-        """Cover corners (n, 2) in m, with about so many cells in the box around them."""
+        """Cover an outline (corners, 2) in m, with about `cells` cells in the box around it."""
         corners = np.asarray(outline, float)
         low, extent = corners.min(axis=0), np.ptp(corners, axis=0)
         counts = np.maximum(np.rint(np.sqrt(cells * extent / extent[::-1])), 2).astype(int)
@@ -180,12 +180,12 @@ class Screen:
     def power_form(
         self, moving: ArrayLike, omega: float, medium: radiation.Medium = radiation.AIR
     ) -> Array:
-        """Form A of the power wᴴAw in W that one side radiates, of amplitudes w (points,) in m.
+        """Return the form A of one side's power wᴴAw in W for amplitudes w (points,) in m.
 
         Parameters
         ----------
         moving : array_like, shape (cells, points)
-            Displacement of the cells by that of the points.
+            Displacement of the cells per displacement of the points.
         omega, medium
             Frequency in rad/s, and the fluid.
 
@@ -206,9 +206,9 @@ class Screen:
 
 
 def cell_kernel(counts: tuple[int, int], size: Array, k: float) -> ComplexArray:
-    """Integrate (1 + jkR) e^{−jkR} / 4πR³ over cells in columns and rows, from the first's middle.
+    """Integrate (1 + jkR) e^{−jkR} / 4πR³ over cells in columns and rows, R from the first cell.
 
-    The parts 1/R³ + k²/2R are integrated exactly, the rest, which is smooth, by the middles.
+    The parts 1/R³ + k²/2R are integrated exactly, the smooth remainder by the midpoint rule.
     """
     steps = (np.arange(count) * side for count, side in zip(counts, size, strict=True))
     x, y = np.meshgrid(*steps, indexing="ij")

@@ -1,1 +1,1 @@
-"""The thesis as data: structures, setups, stated values, trends, numbers and readings."""
+"""The thesis as data: structures, setups, claimed values, trends and interpretations."""

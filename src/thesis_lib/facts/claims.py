@@ -1,12 +1,12 @@
-"""What the thesis states, read from tables of ``data/thesis``: values, trends, reasons, numbers.
+"""Claims of the thesis, read from tables of ``data/thesis``: values, trends, reasons, numbers.
 
-A row is a dataclass, whose types say what its fields may be; a malformed one is refused with its
-line. The rules for judging values stand in :mod:`thesis_lib.ledger.verdicts`, those for trends in
-:mod:`thesis_lib.ledger.trends`.
+A row is a dataclass whose types define the allowed values; a malformed row is refused with its
+line number. The rules for judging values are in :mod:`thesis_lib.ledger.verdicts`, those for trends
+in :mod:`thesis_lib.ledger.trends`.
 
 Numbers outside the thesis's results were computed there, follow from others, or are stated twice.
-Each is held against what the library or a line of arithmetic gives. A printed decimal stands for
-all that would be rounded to it; a fraction or a product, such as 1/60, for itself.
+Each is compared with a value from the library or from simple arithmetic. A printed decimal stands
+for all values that are rounded to it; a fraction or a product, such as 1/60, for its exact value.
 """
 
 import csv
@@ -30,33 +30,33 @@ from thesis_lib.vision.pinhole import hemisphere_directions, pixelate, project
 
 Row = TypeVar("Row")
 Text = Annotated[str, Field(min_length=1)]
-Integer = Annotated[int, BeforeValidator(int)]  # of digits alone: pydantic takes 1.0, too
+Integer = Annotated[int, BeforeValidator(int)]  # digits alone: pydantic accepts 1.0, too
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda text: [*filter(None, text.split(";"))])]
 SomeNames = Annotated[Names, Field(min_length=1)]
 Texts = Annotated[tuple[str, ...], BeforeValidator(lambda text: [*filter(None, text.split("; "))])]
-COLUMN_NAMES = {"values": "value"}  # columns that are not called as their fields
+COLUMN_NAMES = {"values": "value"}  # columns whose names differ from their fields
 
 
 def read_rows(
     name: str, model: type[Row], derived: Mapping[str, Callable[[Mapping[str, str]], object]] = {}
 ) -> list[Row]:
-    """Read the rows of a table of ``data/thesis``, of which no two share the first field.
+    """Read the rows of a table of ``data/thesis``; their first fields must differ.
 
     Parameters
     ----------
     name : str
-        The file.
+        File name.
     model : type
-        Dataclass of a row; its fields are the columns in their order, and their types what is
-        allowed.
+        Dataclass of a row; its fields are the columns in their order, and their types define the
+        allowed values.
     derived : mapping, optional
-        Fields that are no columns, and how they follow from a row.
+        Fields that are not columns, and functions that compute them from a row.
 
     Raises
     ------
     ValueError
-        Naming the line and the field of a malformed row.
+        With the line and the field of a malformed row.
     """
     columns = [COLUMN_NAMES.get(f.name, f.name) for f in fields(model) if f.name not in derived]  # type: ignore[arg-type]
     check, found = TypeAdapter(model).validate_python, dict[str, Row]()
@@ -89,30 +89,30 @@ Values = Annotated[
 
 @dataclass(frozen=True)
 class Claim:
-    """One figure that the thesis states."""
+    """One claimed value of the thesis."""
 
-    #: Where it stands
+    #: Position in the thesis
     id: Text
     figure_set: Text
     section: Text
     figure: str
     panel: str
     case: str
-    mode: Integer  #: Mode it speaks of
-    quantity: Quantity  #: Which error
-    #: Values of the varied parameter; empty if it speaks of all settings of the case
+    mode: Integer  #: Mode to which it refers
+    quantity: Quantity  #: Kind of error
+    #: Values of the varied parameter; empty for all settings of the case
     values: Values
-    relation: Relation  #: How the interval is meant
-    #: The stated interval in %; equal for a single value
+    relation: Relation  #: Relation of the error to the interval
+    #: Claimed interval in %; equal for a single value
     low: Number
     high: Number
-    excepted: Integer  #: How many markers the text leaves out
-    #: Order of adding pairs that it speaks of; empty for the one that the study runs
+    excepted: Integer  #: Number of markers that the text excludes
+    #: Order of adding pairs to which it refers; empty for the one that the study runs
     pair_order: str = ""
     #: Half a unit of the last printed digit of `low` and of `high`
     rounding: tuple[float, float] = (0.0, 0.0)
     conflicts: Names = ()  #: Ids of claims that cannot be true together with this one
-    conflict_why: str = ""  #: Why not
+    conflict_why: str = ""  #: Reason of the conflict
 
     @property
     def chapter(self) -> int:
@@ -121,12 +121,12 @@ class Claim:
 
     @property
     def ends(self) -> tuple[float | None, float | None]:
-        """The stated interval in %, with None at the open end of a bound."""
+        """Return the claimed interval in %, with None at the open end of a bound."""
         upper, lower = self.relation in ("max", "less_than"), self.relation == "min"
         return None if upper else self.low, None if lower else self.high
 
     def speaks_of(self, case: str, value: float, pair_order: str) -> bool:
-        """Return whether a setting with this case, varied value and order of pairs is meant."""
+        """Return whether the claim refers to a setting's case, varied value and order of pairs."""
         return (
             case == self.case
             and (not self.values or value in self.values)
@@ -135,7 +135,7 @@ class Claim:
 
     @property
     def stated(self) -> str:
-        """The claim in a few characters, such as ``10–15 %`` or ``≤ 40 %``."""
+        """Return the claim as short text, such as ``10–15 %`` or ``≤ 40 %``."""
         sign = {"max": "≤ ", "less_than": "< ", "min": "≥ "}.get(self.relation, "")
         interval = f"{self.low:g}" if self.low == self.high else f"{self.low:g}–{self.high:g}"
         return f"{sign}{interval} %"
@@ -147,7 +147,7 @@ def read_claims() -> list[Claim]:
     Raises
     ------
     ValueError
-        Naming the line and the field of a malformed row.
+        With the line and the field of a malformed row.
     """
     rounding = {"rounding": lambda row: [half_digit(row[end]) for end in ("low", "high")]}
     return read_rows("claims.csv", Claim, rounding)
@@ -175,56 +175,56 @@ Modes = Annotated[tuple[Integer, ...], BeforeValidator(lambda text: text.split("
 
 @dataclass(frozen=True)
 class Trend:
-    """One trend that the thesis states."""
+    """One claimed trend of the thesis."""
 
-    id: Text  #: Its name
+    id: Text  #: Name
     chapter: Integer  #: Chapter of the thesis
     section: Text  #: Section of the thesis
-    cases: Names  #: Cases it speaks of; none means all of the source
-    modes: Modes  #: Modes it speaks of
-    quantities: SomeNames  #: Errors it speaks of
-    kind: str  #: How it goes, such as ``increasing_with``
-    parameter: str  #: What varies
-    words: Text  #: What it says
-    source: SomeNames  #: Figure sets, or runs of the ledger's own, that it is judged by
+    cases: Names  #: Cases to which it refers; empty for all of the source
+    modes: Modes  #: Modes to which it refers
+    quantities: SomeNames  #: Errors to which it refers
+    kind: str  #: Kind of trend, such as ``increasing_with``
+    parameter: str  #: Varied parameter
+    words: Text  #: Statement in words
+    source: SomeNames  #: Figure sets, or the ledger's own runs, by which it is judged
     test: Text  #: Relation, as :mod:`thesis_lib.ledger.trends` names it, and its argument
 
 
 def read_trends() -> list[Trend]:
-    """Read the stated trends, from ``data/thesis/trends.csv``, refused line by line."""
+    """Read the claimed trends, from ``data/thesis/trends.csv``, with the checks of `read_rows`."""
     return read_rows("trends.csv", Trend)
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Why the book gets something else than a claim of the thesis."""
+    """Reason why the book's result differs from a claim of the thesis."""
 
     id: Text  #: Name of the claim
     reason: Annotated[str, Field(pattern=r"^\S.*\.$")]  #: One sentence
-    page: Text  #: Document of the book that tells more, such as ``errata#errata-a6``
+    page: Text  #: Document of the book that explains more, such as ``errata#errata-a6``
 
 
 def read_reasons() -> dict[str, Reason]:
-    """Read the reasons by the names of their claims, refused line by line."""
+    """Read the reasons by the names of their claims, with the checks of :func:`read_rows`."""
     return {one.id: one for one in read_rows("reasons.csv", Reason)}
 
 
 @dataclass(frozen=True)
 class IndexEntry:
-    """One figure, table or equation of the thesis: its place here, or why it has none."""
+    """One figure, table or equation of the thesis: where it is covered here, or why it is not."""
 
     item: Text  #: Name in the thesis, such as ``figure 3.4``
-    what: Text  #: Subject, in our words
+    what: Text  #: Subject, in words of this project
     page: str  #: Document of the book, such as ``beam#eq-modal``
     function: Texts  #: Names in the library
     cube: Texts  #: Variables of figure sets, such as ``beam-distance: mean_error``
     test: Texts  #: Names of tests
-    reason: str  #: Why nothing here is about it; empty if something is
+    reason: str  #: Why it is not covered here; empty if it is
     errata: Texts  #: Errata on it, such as ``errata#errata-a6``
 
 
 def read_index() -> list[IndexEntry]:
-    """Read the index, from ``data/thesis/index.csv``, refused line by line."""
+    """Read the index, from ``data/thesis/index.csv``, with the checks of :func:`read_rows`."""
     return read_rows("index.csv", IndexEntry)
 
 
@@ -237,15 +237,15 @@ THESIS_RIG = setups.setup_table("experiment", "rig")
 class StatedNumber:
     """One number that the thesis prints and that can be computed."""
 
-    id: Text  #: Its name
+    id: Text  #: Name
     #: Chapter of the thesis; an appendix counts as the chapter that refers to it
     chapter: Annotated[Integer, Field(ge=1, le=7)]
-    place: Text  #: Where it stands
-    words: Text  #: What it is
+    place: Text  #: Position in the thesis
+    words: Text  #: Meaning
     #: As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``
     stated: Text
-    unit: str  #: Its unit, empty if it has none
-    #: How it is computed: a key of :data:`CORRECT_VALUES`, and what that is given
+    unit: str  #: Unit, empty if it has none
+    #: How it is computed: a key of :data:`CORRECT_VALUES`, and arguments of that function
     value_of: Annotated[
         tuple[Annotated[Number | Text, Field(union_mode="left_to_right")], ...],
         BeforeValidator(lambda text: text.split()),
@@ -254,12 +254,12 @@ class StatedNumber:
 
     @property
     def low(self) -> float:
-        """Return the least value that would be printed like this."""
+        """Return the least value that is rounded to the printed one."""
         return _interval(self.stated)[0]
 
     @property
     def high(self) -> float:
-        """Return the largest value that would be printed like this."""
+        """Return the largest value that is rounded to the printed one."""
         return _interval(self.stated)[1]
 
     @property
@@ -275,7 +275,7 @@ class StatedNumber:
 
 
 def read_numbers() -> list[StatedNumber]:
-    """Read the stated numbers, from ``data/thesis/numbers.csv``, refused line by line."""
+    """Read the printed numbers, from ``data/thesis/numbers.csv``, with checks of `read_rows`."""
     return read_rows("numbers.csv", StatedNumber)
 
 
@@ -296,7 +296,7 @@ def _axes_angle(*directions: float) -> float:
 
 
 def _equations(n_cameras: float) -> int:
-    """Return independent rows of eq. 3.18 that cameras with rounded images give for one point."""
+    """Return the number of independent rows of eq. 3.18 for one point in rounded images."""
     (pair,) = setups.distance_settings([500], 30, 25, (320, 180))
     P = pair.cameras(24, 36).P[: int(n_cameras)]
     u, v = pixelate(project(P, [[0.1], [0.004], [0.003]]))[:, :, 0].T
@@ -331,7 +331,7 @@ def _cameras(case: str) -> set[Direction]:
 
 
 STRUCTURES: dict[str, Any] = {"beam": THESIS_BEAM, "plate": THESIS_PLATE}
-BOOKKEEPING: dict[str, Callable[..., float]] = {  # what only adds up or counts printed numbers
+BOOKKEEPING: dict[str, Callable[..., float]] = {  # these combine or count printed numbers
     "sum": operator.add,
     "difference": operator.sub,
     "product": operator.mul,
@@ -371,4 +371,4 @@ CORRECT_VALUES: dict[str, Callable[..., float]] = {
     "plane_columns": lambda: 99 * THESIS_PLATE.length / THESIS_PLATE.width,
     "wave_sign": lambda: -math.copysign(1, math.atan2(*outgoing_wave(1.0, np.array(0.1)))),
 }
-"""How a number follows: from the library, or by a line of arithmetic, from what it is given."""
+"""Functions that compute a number from its arguments, by the library or by simple arithmetic."""

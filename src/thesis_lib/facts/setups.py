@@ -6,7 +6,7 @@ A *setting* is one entry of a parametric study: some cameras at given directions
 one resolution, with the value of the parameter that is varied. A study is a list of settings in
 the order of the thesis's tables.
 
-*Assumptions* fill in what the thesis leaves open; a *reading* is another interpretation of it.
+*Assumptions* fill gaps of the thesis; a *reading* in the code is another interpretation of it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Setting:
 
     case: str  #: The thesis's case, such as ``2a``, or the name of a layout
     value: float  #: Value of the varied parameter
-    label: str  #: The value as it stands in figures and tables
+    label: str  #: The value as printed in figures and tables
     distance_mm: float  #: Distance of all cameras from the structure's centre
     directions_deg: tuple[Direction, ...]  #: Azimuth and elevation of each camera
     resolution_px: tuple[int, int]  #: Width and height of the sensor
@@ -47,13 +47,13 @@ class Setting:
     pair_order: str = ""
 
     def swap_axes(self) -> Setting:
-        """Return the setting with its azimuths read from +X towards +Y."""
+        """Return the setting with its azimuths measured from +X towards +Y."""
         directions = tuple((90 - azimuth, elevation) for azimuth, elevation in self.directions_deg)
         return replace(self, directions_deg=directions)
 
     def cameras(self, focal_length_mm: float, sensor_width_mm: float) -> CameraArray:
         """Return the setting's cameras; the pixels are square and fill the sensor's width."""
-        from thesis_lib.vision.pinhole import hemisphere_cameras  # readers of files need no cameras
+        from thesis_lib.vision.pinhole import hemisphere_cameras  # late: files are read without it
 
         azimuth, elevation = np.radians(self.directions_deg).T
         distance, size = self.distance_mm / 1000, self.resolution_px
@@ -62,13 +62,13 @@ class Setting:
 
 
 def data_folder() -> Path:
-    """Return the folder with the thesis's facts."""
+    """Return the folder with the data of the thesis."""
     return shipped() / "data" / "thesis"
 
 
 @cache
 def read_toml(name: str) -> dict[str, Any]:
-    """Read a file of the thesis's facts, as plain values."""
+    """Read a TOML file of :func:`data_folder`, as plain values."""
     return tomllib.loads((data_folder() / name).read_text(encoding="utf-8"))
 
 
@@ -111,7 +111,7 @@ def figure_number(structure: str, study: str, case: str, mode: int) -> str:
 
 
 def case_title(structure: str, study: str, case: str) -> str:
-    """Describe a case of the thesis in a few words; empty for a reader's own layout."""
+    """Describe a case of the thesis in a few words; empty for a user's layout."""
     return _of_cases(structure, study, "titles").get(case, "")
 
 
@@ -126,7 +126,7 @@ def distance_settings(
     elevation_deg: float,
     resolution_px: tuple[int, int],
 ) -> list[Setting]:
-    """Return the case 1: a pair at ± azimuth and growing distance."""
+    """Return the settings of case 1: a pair at ± azimuth and growing distance."""
     pair = ((azimuth_deg, elevation_deg), (-azimuth_deg, elevation_deg))
     return [Setting("1", d, f"{d:g} mm", d, pair, resolution_px) for d in distances_mm]
 
@@ -161,7 +161,7 @@ def aperture_settings(
 def resolution_settings(
     widths_px: Sequence[int], distance_mm: float, azimuth_deg: float, elevation_deg: float
 ) -> list[Setting]:
-    """Return the case 3: one pair, growing 16:9 resolution."""
+    """Return the settings of case 3: one pair, growing 16:9 resolution."""
     pair = ((azimuth_deg, elevation_deg), (-azimuth_deg, elevation_deg))
     sizes = [(w, round(w * 9 / 16)) for w in widths_px]
     return [Setting("3", w, f"{w}×{h}", distance_mm, pair, (w, h)) for w, h in sizes]
@@ -174,7 +174,7 @@ def array_settings(
     distance_mm: float,
     resolution_px: tuple[int, int],
 ) -> list[Setting]:
-    """Return the cases 4a–4e: pairs added one after the other; then the reader's own layouts.
+    """Return the settings of cases 4a–4e, pairs added one by one; then those of a user's layouts.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def array_settings(
     pair_order : mapping
         ``printed`` or ``reversed`` by case; cases not named are taken as printed.
     layouts : mapping
-        Name to a list of growing sets of ``(azimuth, elevation)`` in degrees.
+        By name: a list of growing sets of ``(azimuth, elevation)`` in degrees.
     distance_mm : float
         Distance of all cameras.
     resolution_px : tuple of int
@@ -209,11 +209,11 @@ ADOPTED_READING = "adopted"
 
 @dataclass(frozen=True)
 class Reading:
-    """Another reading of what the thesis leaves open."""
+    """An alternative interpretation of the thesis where it is ambiguous."""
 
     name: str  #: Short and unique
-    topic: str  #: What it is about, as in ``assumptions.toml``
-    values: dict[str, Any]  #: Parameters that differ; a study takes those that it has
+    topic: str  #: Topic, as in ``assumptions.toml``
+    values: dict[str, Any]  #: Parameters that differ; a study uses those that it has
 
 
 READINGS = {one["name"]: Reading(**one) for one in read_toml("assumptions.toml")["interpretation"]}

@@ -1,1 +1,1 @@
-"""What the thesis states held against cubes, by one rule."""
+"""Comparison of the thesis's claims with cubes, by fixed rules."""

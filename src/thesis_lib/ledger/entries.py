@@ -1,4 +1,4 @@
-"""The ledger: every claim of the thesis held against the cubes, recomputed each time.
+"""The ledger: every claim of the thesis compared with the cubes, recomputed each time.
 
 Claimed values, trends and stray numbers become one :class:`Entry` each, with a verdict by the rules
 of ``verdicts.py`` and ``trends.py``. A claim that cannot be judged is *undefined*, with the reason;
@@ -46,10 +46,10 @@ QUANTITY_WORDS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """One line of the ledger; ``variables.toml`` has the meanings of its fields.
+    """One line of the ledger; ``variables.toml`` explains its fields.
 
-    The numbers are NaN where a claim has none, or at the open end of a bound; those of a trend are
-    of its :class:`thesis_lib.ledger.trends.Finding`.
+    The numbers are NaN where a claim has none, or at the open end of a bound; those of a trend come
+    from its :class:`thesis_lib.ledger.trends.Finding`.
     """
 
     id: str
@@ -62,7 +62,7 @@ class Entry:
     stated: str
     got: str = ""
     verdict: str = "undefined"
-    counted: bool  # not if bookkeeping or rendered
+    counted: bool  # False for bookkeeping and for rendered sets
     note: str = ""
     note_href: str = ""
     href: str = ""
@@ -89,12 +89,12 @@ class Entry:
 
     @property
     def row(self) -> dict[str, object]:
-        """The fields that the table of the page shows: of the numbers the ratio alone."""
+        """Return the fields in the table of the page: all but the numbers other than the ratio."""
         hidden = {n for n, v in vars(self).items() if isinstance(v, float)} - {"ratio"}
         return {name: value for name, value in self.json_values.items() if name not in hidden}
 
 
-_COLUMN_NAMES = {"id": "claim", "chapter": "claim_chapter"}  # else those of the fields
+_COLUMN_NAMES = {"id": "claim", "chapter": "claim_chapter"}  # others are named like their fields
 LEDGER_COLUMNS = schema.read_variables(__file__, "entries")
 
 
@@ -132,9 +132,9 @@ def list_entries(
 ) -> list[Entry]:
     """Return the whole ledger, in the order of the thesis.
 
-    `open_cube` returns the cube of a study, or in one line why there is none. By name, `own` has
-    the series of the ledger's own runs and `commands` the commands that make them, `studies` all
-    figure sets.
+    `open_cube` returns the cube of a study, or the reason in one line if there is none. The others
+    are by name: `own` has the series of the ledger's own runs, `commands` the commands that produce
+    them, `studies` all figure sets.
     """
 
     @cache
@@ -204,7 +204,7 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
 def _trend(
     trend: Trend, found: Sequence[Sequence[Series] | str], sets: list[str], commands: list[str]
 ) -> Entry:
-    """Judge a stated trend by the errors of the figure sets and own runs that it speaks of."""
+    """Judge a claimed trend by the errors of its figure sets and of the ledger's own runs."""
     reasons = [part for part in found if isinstance(part, str)]
     every = [one for part in found if not isinstance(part, str) for one in part]
     finding = None if reasons else ledger_trends.judge_trend(trend, every)
@@ -239,7 +239,7 @@ def _trend(
 
 
 def _number(number: StatedNumber) -> Entry:
-    """Judge a stray number by its computation."""
+    """Judge a stray number by its recomputed value."""
     value = number.value
     inside = number.low <= value <= number.high
     middle = (number.low + number.high) / 2
@@ -275,7 +275,7 @@ def count_verdicts(found: Iterable[Entry]) -> dict[str, int]:
     return {verdict: counts[verdict] for verdict in VERDICTS}
 
 
-EXCLUSION_LINK = "../errata.html#errata-a9"  # on stated numbers that exclude each other
+EXCLUSION_LINK = "../errata.html#errata-a9"  # on claims that exclude each other
 INTERPRETATIONS_LINK = "claims.html#other-readings"
 NOT_FOUND = "No explanation was found."
 
@@ -283,7 +283,7 @@ NOT_FOUND = "No explanation was found."
 def explain_differences(found: Iterable[Entry], readings: xr.Dataset) -> list[Entry]:
     """Give each claim that differs its reason; other claims stay as they are.
 
-    `readings` tells which stated values each interpretation meets, the adopted one first:
+    `readings` contains which claimed values each interpretation meets, the adopted one first:
     ``reading_meets(reading, value)``, ``reading_inside(reading, chapter)``.
     """
     known, values = read_reasons(), set(readings["value"].values.tolist())
@@ -306,12 +306,12 @@ def explain_differences(found: Iterable[Entry], readings: xr.Dataset) -> list[En
 
 
 def _by_interpretation(name: str, readings: xr.Dataset) -> str:
-    """Say which other interpretation meets a stated value, if any, and what it meets in all."""
+    """Describe the other interpretation that meets a value, if any, and its count of values."""
     names = readings["reading"].values.tolist()
     met = readings["reading_inside"].sum("chapter").values
     meets = readings["reading_meets"].sel(value=name).values.astype(bool)
     changes = {at: setups.READINGS[names[at]].values.items() for at in np.flatnonzero(meets) if at}
-    # without those that change all that another one changes, and more
+    # without those whose changes include all changes of another one
     others = [at for at, own in changes.items() if not any(one < own for one in changes.values())]
     if not others:
         return f"{NOT_FOUND[:-1]}: none of {len(names) - 1} other interpretations meets this value."

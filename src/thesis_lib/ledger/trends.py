@@ -1,22 +1,22 @@
-"""Judge stated trends in expectation.
+"""Judge claimed trends by expected errors.
 
 A trend is a statement on expected errors: the mean of a setting's error over the random shifts of
 the pixel grids. It is tested on resamples of the trials, the same in every setting; the share of
-resamples in which it holds is its *confidence*. The share of single trials in which it holds tells
-how often somebody with one run, such as the thesis, would see it.
+resamples in which it holds is its *confidence*. The share of single trials in which it holds shows
+how often one run, such as the thesis's, would show it.
 
-A trend that says that an error falls or rises has *effects*, too: by what factor the expected
-error changes from the first to the last setting, of all the errors that it names the one that
-changes least in the stated direction, and the one that changes most. If no expected error changes
-by more than the smallest effect that counts, ``MIN_MATERIAL_FALL``, it is no material change,
-however sure its sign. If an expected error goes the other way by more than that between two
-neighbouring settings, the trend is not monotonic, which is said next to the verdict.
+A falling or rising trend has *effects*, too: the factors by which expected errors change from the
+first to the last setting, for the error that changes least in the claimed direction and for the
+one that changes most. If no expected error changes by more than the smallest material effect,
+``MIN_MATERIAL_FALL``, the verdict is *no material change*, however certain the sign. If an expected
+error moves the other way by more than that between two neighbouring settings, the trend is not
+monotonic, which is noted next to the verdict.
 
-A test gets the :class:`~thesis_lib.ledger.verdicts.Evidence` and an argument, and returns for each
-draw of the errors whether the statement is true of it.
+A test takes the :class:`~thesis_lib.ledger.verdicts.Evidence` and an argument, and returns for each
+draw of the errors whether the statement holds.
 
-What the words mean, for all trends alike, the ledger's page states, and the functions below. One
-effect is the smallest that counts, so no errors both fall and rise, and none of these are flat.
+The ledger's page and the functions below define the terms, for all trends alike. All use the same
+smallest material effect, so no errors both fall and rise, and none of these are flat.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -32,30 +32,30 @@ from thesis_lib.facts.claims import Trend, half_digit
 from thesis_lib.ledger.verdicts import UNCHANGED, Evidence, Key, Series
 
 MIN_CONFIDENCE = 0.95
-# Tests of an end against the other
+# Tests that compare the last setting with the first
 TREND_DIRECTIONS = {"falls": -1, "falls_steadily": -1, "rises": 1}
 
 
 @dataclass(frozen=True)
 class Finding:
-    """How surely a trend holds in expectation, in which share of single runs, and how strongly.
+    """Confidence that a trend holds in expectation, its share of single runs, and its effects.
 
-    Effects are NaN, and no step goes back, for trends that are no rise or fall.
+    For trends that are no rise or fall, effects are NaN and `step_back` is empty.
     """
 
     confidence: float
     single: float
-    #: Expected error at the last setting over that at the first, of the errors that are named:
-    #: where it changes least in the stated direction, and where it changes most
+    #: Expected error at the last setting over that at the first: of the trend's errors, the one
+    #: that changes least in the claimed direction, and the one that changes most
     effect: float = field(default=float("nan"), compare=False)
     largest_effect: float = field(default=float("nan"), compare=False)
-    #: The largest step against the trend, if it is a material one: stated next to the verdict, as
-    #: the trend is not monotonic
+    #: The largest material step against the trend, which is then not monotonic; empty if none.
+    #: It is noted next to the verdict
     step_back: str = field(default="", compare=False)
 
     @property
     def verdict(self) -> str:
-        """Return one word of the ledger: agrees, within scatter, differs or no material change."""
+        """Return the verdict: agrees, within scatter, differs or no material change."""
         effects = np.array([self.effect, self.largest_effect])
         changed = is_less(effects, 1.0) | is_less(1.0, effects)
         if np.isfinite(effects).all() and not changed.any():
@@ -69,7 +69,7 @@ class Finding:
 def judge_trend(trend: Trend, series: Iterable[Series]) -> Finding | None:
     """Test a trend on the errors of all the cases, modes and quantities of its source.
 
-    None if nothing of what it speaks of, or compares with, is among the series.
+    Return None if the errors to which it refers, or with which it compares, are not in the series.
     """
     kept = {(s.quantity, s.case, s.mode): s for s in series if s.errors.shape[1]}
     if not kept:
@@ -77,7 +77,7 @@ def judge_trend(trend: Trend, series: Iterable[Series]) -> Finding | None:
     common = min((n for s in kept.values() if (n := s.errors.shape[1]) > 1), default=1)
     mean = Evidence(trend, kept, lambda one: one.means)
 
-    def pair(one: Series) -> Array:  # what is equal in all trials stands next to each of them
+    def pair(one: Series) -> Array:  # repeats errors that are equal in all trials
         return np.broadcast_to(one.errors[:, :common], (len(one.errors), common))
 
     each = Evidence(trend, kept, pair, one_run=True)
@@ -88,7 +88,7 @@ def judge_trend(trend: Trend, series: Iterable[Series]) -> Finding | None:
         confidence, single = (
             float(np.mean(TREND_TESTS[name](evidence, argument))) for evidence in (mean, each)
         )
-    except LookupError:  # what it is compared with is missing
+    except LookupError:  # the errors to compare with are missing
         return None
     if name not in TREND_DIRECTIONS:
         return Finding(confidence, single)
@@ -121,8 +121,8 @@ def _step_back(expected: Mapping[Key, Array], values: Mapping[str, Array], direc
 
 
 MIN_MATERIAL_FALL = 0.10  # smallest fall that counts, as a share of the larger error
-ONE_RUN_FLAT = 2.0  # of one run the thesis calls 7 to 3.5 % a significant fall, and 8-18 % none
-MAX_ALIKE_RATIO = 1.5  # it calls modes within 10-15 % alike
+ONE_RUN_FLAT = 2.0  # in one run the thesis calls 7 to 3.5 % a significant fall, and 8-18 % none
+MAX_ALIKE_RATIO = 1.5  # the thesis calls modes with errors of 10-15 % alike
 
 
 Test = Callable[[Evidence, str], Mask]
@@ -136,7 +136,7 @@ def _all(parts: Iterable[Any]) -> Mask:
 
 
 def is_less(errors: Array | float, others: Array | float) -> Mask:
-    """Return where errors are below others by more than the smallest effect that counts."""
+    """Return where errors are below others by more than the smallest material effect."""
     return np.asarray(errors < (1 - MIN_MATERIAL_FALL) * others)
 
 
@@ -151,7 +151,7 @@ def _up(errors: Array) -> Mask:
 
 
 def _flat(errors: Array, one_run: bool) -> Mask:
-    """Return whether the least is not below the largest, in one run by the thesis's own usage."""
+    """Return whether least and largest are materially equal; in one run by the thesis's usage."""
     least, largest = errors.min(axis=0), errors.max(axis=0)
     return largest <= ONE_RUN_FLAT * least if one_run else ~is_less(least, largest)
 
@@ -166,14 +166,14 @@ def _close(first: Array, second: Array) -> Mask:
 
 
 def _each(test: Callable[[Array], Mask]) -> Test:
-    """Return whether everything that the trend refers to passes a test."""
+    """Return the trend test that all errors of the trend pass `test`."""
     return lambda evidence, _: _all(map(test, evidence.series))
 
 
 def _is_flat(evidence: Evidence, argument: str) -> Mask:
-    """``flat``, ``flat 8 18``: flat, and within an interval if one is printed.
+    """Test ``flat``, ``flat 8 18``: flat, and within an interval if one is printed.
 
-    Of a single run a printed interval is itself what the thesis calls flat.
+    For a single run, a printed interval alone defines what the thesis calls flat.
     """
     inside = _within(evidence, argument) if argument else True
     if argument and evidence.one_run:
@@ -182,7 +182,7 @@ def _is_flat(evidence: Evidence, argument: str) -> Mask:
 
 
 def _within(evidence: Evidence, argument: str) -> Mask:
-    """``within 8 18``: in this interval; ``within 1 4 1 3 1 3``: in one for each of its modes."""
+    """Test ``within 8 18``: in this interval; ``within 1 4 1 3 1 3``: in one for each mode."""
     ends = np.array(argument.split(), float).reshape(-1, 2)
     modes = evidence.trend.modes
     found = []
@@ -199,9 +199,9 @@ def _mostly_no_trend(evidence: Evidence, _: str) -> Mask:
 
 
 def _same_trends(evidence: Evidence, _: str) -> Mask:
-    """``same_trends``: between cases ``2a at 500``, ``2a at 750`` none falls where another rises.
+    """Test ``same_trends``: of cases ``2a at 500``, ``2a at 750`` none falls where another rises.
 
-    From the first setting to the last they change by factors that are alike, too.
+    The factors of their change from the first setting to the last must be alike, too.
     """
     groups: dict[tuple[str, str, int], list[Array]] = {}
     for (quantity, case, mode), errors in evidence.named:
@@ -217,7 +217,7 @@ TREND_PARTS = {"": slice(None), "last": slice(-1, None)}
 
 
 def _bounded(compare: Callable[[Array, float], Mask], is_rounded: bool = False) -> Test:
-    """Return ``below 40``, ``at_most 10 last``: less than that, or at most that as printed."""
+    """Return the test of ``below 40`` or ``at_most 10 last``: below, or at most as printed."""
 
     def test(evidence: Evidence, argument: str) -> Mask:
         bound, _, which = argument.partition(" ")
@@ -228,13 +228,13 @@ def _bounded(compare: Callable[[Array, float], Mask], is_rounded: bool = False) 
 
 
 def _above(evidence: Evidence, argument: str) -> Mask:
-    """``above 5 first``: at least one of the series is above that in its first setting."""
+    """Test ``above 5 first``: at least one of the series is above 5 in its first setting."""
     bound = float(argument.removesuffix(" first"))
     return np.logical_or.reduce([errors[0] > bound for errors in evidence.series])
 
 
 def _peaks(evidence: Evidence, argument: str) -> Mask:
-    """``peaks 1000``: largest where the varied parameter has this value."""
+    """Test ``peaks 1000``: largest where the varied parameter has this value."""
     (at,) = np.flatnonzero(evidence.values[evidence.cases[0]] == float(argument))
     return _all(np.argmax(errors, axis=0) == at for errors in evidence.series)
 
@@ -246,7 +246,7 @@ def _modes_alike(evidence: Evidence, _: str) -> Mask:
 
 
 def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Mask:
-    """``worst_mode 3``: the mode's mean is above that of each other mode; below with sign −1."""
+    """Test ``worst_mode 3``: its mean is above that of each other mode; below with sign −1."""
     means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
     mode = int(argument)
     return _all(
@@ -255,7 +255,7 @@ def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Mask:
 
 
 def _planes_alike(evidence: Evidence, argument: str) -> Mask:
-    """Return both planes, or with ``planes_alike XZ 2 1`` a plane in two modes."""
+    """Test ``planes_alike``: both planes; ``planes_alike XZ 2 1``: one, in two modes."""
     if argument:
         plane, mode, other = argument.split()
         by = evidence.of_modes(f"plane_error_{plane.lower()}")
@@ -272,7 +272,7 @@ def _planes_alike(evidence: Evidence, argument: str) -> Mask:
 
 
 def _like_case(evidence: Evidence, argument: str) -> Mask:
-    """``like_case 4a last``: means, or last errors, as another case's."""
+    """Test ``like_case 4a last``: means, or last errors, are like another case's."""
     other, _, which = argument.partition(" ")
     compared = [
         [one[-1] if which == "last" else np.exp(np.log(one).mean(axis=0)) for one in pair]
@@ -282,7 +282,7 @@ def _like_case(evidence: Evidence, argument: str) -> Mask:
 
 
 def _below_case(evidence: Evidence, argument: str) -> Mask:
-    """``below_case 4a first``: first errors, or those at the same values, below another case's."""
+    """Test ``below_case 4a first``: first errors, or those at equal values, are below a case's."""
     other, which = argument.rsplit(" ", 1)
     if which == "first":
         return _all(a[0] < b[0] for a, b in evidence.pairs(other))
@@ -294,7 +294,7 @@ def _below_case(evidence: Evidence, argument: str) -> Mask:
 
 
 def _best_case(evidence: Evidence, argument: str) -> Mask:
-    """``best_case 2a``: of all cases, this one has the least mean."""
+    """Test ``best_case 2a``: of all cases, this one has the least mean."""
     holds = []
     for quantity, mode in product(evidence.trend.quantities, evidence.trend.modes):
         errors = {case: evidence.errors(quantity, case, mode) for case in evidence.cases}
@@ -313,7 +313,7 @@ def correlate_ranks(one: Array, other: Array) -> tuple[Array, Array]:
 
 
 def _test_unrelated(evidence: Evidence, argument: str) -> Mask:
-    """``unrelated deflection_error``: a rank correlation over all settings of at most ½."""
+    """Test ``unrelated deflection_error``: a rank correlation over all settings of at most ½."""
     holds = []
     for quantity, mode in product(evidence.trend.quantities, evidence.trend.modes):
         both = [

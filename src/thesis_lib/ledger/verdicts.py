@@ -1,9 +1,9 @@
-"""Judge claimed values by one rule, which interval is met; errors of cubes as series, for trends.
+"""Judge claimed values by one interval rule, and extract errors of cubes as series for trends.
 
-The rule holds for every claim and was set before looking; the ledger's page states it. Upper and
-lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim about all
-settings holds if it holds for each. Where the text excepts one marker, the second-largest error is
-meant.
+The rule holds for every claim and was fixed before the results were seen; the ledger's page states
+it. Upper and lower bounds are one-sided; a strict one, "less than", allows no rounding. A claim
+about all settings holds if it holds for each. Where the text excludes one marker, the
+second-largest error is used.
 
 Trends are judged by :mod:`thesis_lib.ledger.trends`, on the series.
 """
@@ -21,22 +21,22 @@ from thesis_lib.facts.claims import Claim, Trend, read_trends
 from thesis_lib.studies import cubes
 
 WIDENING_POINTS, WIDENING_POINTS_BELOW_10 = 1.0, 0.5  # points by which the band is widened
-UNCHANGED = "no material change"  # of trends alone
+UNCHANGED = "no material change"  # for trends only
 VERDICTS = ("agrees", "within scatter", "differs", UNCHANGED, "undefined")
 
 
 @dataclass(frozen=True)
 class Check:
-    """A claim and what a cube says of it, in %, at that of its settings that is farthest off."""
+    """Result of a claim in %, at the one of its settings that is farthest from the claim."""
 
-    claim: Claim  #: What is stated
+    claim: Claim  #: The claim
     #: The nominal run, and median and 5–95 % band of the trials
     literal: float
     median: float
     low: float
     high: float
     inside: bool  #: Whether the band meets the claim in all of its settings
-    exact: bool  #: Whether the nominal run does, to the printed digits
+    exact: bool  #: Whether the nominal run meets it in all of them, to the printed digits
 
     @property
     def verdict(self) -> str:
@@ -45,20 +45,20 @@ class Check:
 
     @property
     def ratio(self) -> float:
-        """The median over the nearest value that the claim allows: 1 inside the stated interval."""
+        """Return the median over the nearest value that the claim allows: 1 inside its interval."""
         least, most = self.claim.ends
         nearest = self.median if least is None else max(self.median, least)
         return self.median / (nearest if most is None else min(nearest, most))
 
 
 def _settings(cube: xr.Dataset, claim: Claim) -> IntArray:
-    """Return the indices of the settings that a claim speaks of."""
+    """Return the indices of the settings to which a claim refers."""
     columns = (cube.variables[n].values.tolist() for n in ("case", "value", "pair_order"))
     return np.flatnonzero([claim.speaks_of(*one) for one in zip(*columns, strict=True)])
 
 
 def claim_errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
-    """Return the quantity that a claim speaks of, over its settings and all trials, in %."""
+    """Return the error to which a claim refers, over its settings and all trials, in %."""
     modes = cube.variables["mode"].values.tolist()
     here = {"setting": _settings(cube, claim), "mode": modes.index(claim.mode)}
     if not claim.excepted:
@@ -76,17 +76,17 @@ def _point_errors(cube: xr.Dataset) -> xr.DataArray:
 
 
 def claim_from_errors(claim: Claim, values: Array) -> Claim:
-    """Return the claim as a thesis with these errors (in %) in the settings would have printed it.
+    """Return the claim that the thesis would print for these errors (in %) of the settings.
 
-    An interval from the least to the largest, an upper bound rounded up, a lower one down; one
-    value is the middle. All with the digits of the real claim.
+    An interval is from the least to the largest, an upper bound is rounded up, a lower one down;
+    one value is the middle. All have the digits of the real claim.
     """
     low, high = np.min(values), np.max(values)
     digit = 2 * np.array(claim.rounding)
     if claim.relation == "about":
         low = high = (low + high) / 2
     if claim.relation == "less_than":
-        high = high + digit[1] / 2  # so that rounding leaves it above
+        high = high + digit[1] / 2  # so that it is above after rounding
     up = np.ceil if claim.relation in ("max", "less_than") else np.rint
     down = np.floor if claim.relation == "min" else np.rint
     ends = digit[0] * down(low / digit[0]), digit[1] * up(high / digit[1])
@@ -115,13 +115,13 @@ def _gap(claim: Claim, low: float, high: float) -> float:
 
 
 def check_claims(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
-    """Hold claims against a cube; those whose settings or modes it lacks are left out."""
+    """Compare claims with a cube; those that cannot be judged are left out."""
     plain = cube.reset_coords()  # each coordinate of errors costs as much as judging them
     return [found for claim in claims if isinstance(found := judge_claim(plain, claim), Check)]
 
 
 def judge_claim(cube: xr.Dataset, claim: Claim) -> Check | str:
-    """Hold one claim against a cube, or say in a few words why that cannot be done."""
+    """Compare one claim with a cube, or return the reason in a few words if that is impossible."""
     if claim.mode not in cube.variables["mode"].values:
         return f"mode {claim.mode} was not run"
     found = set(cube.variables["value"].values[_settings(cube, claim)].tolist())
@@ -143,17 +143,17 @@ def judge_claim(cube: xr.Dataset, claim: Claim) -> Check | str:
 
 
 RESAMPLE_COUNT = 2000
-SECOND_LARGEST = "second_point_error"  # the largest of the markers' but one
+SECOND_LARGEST = "second_point_error"  # the second-largest error of the markers
 
 
 @dataclass(frozen=True)
 class Series:
-    """One error of the settings of a case, in the order of what is varied."""
+    """One error of the settings of a case, in the order of the varied parameter."""
 
-    #: Which error, of which case
+    #: Kind of error, and case
     quantity: str
     case: str
-    mode: int  #: Of which mode
+    mode: int  #: Mode
     values: Array  #: The varied parameter, growing, shape (settings,)
     #: In %, of the random trials; NaN where there is no reference, shape (settings, trials)
     errors: Array
@@ -173,7 +173,7 @@ def _weights(trials: int) -> Array:
 
 @cache
 def _sets_with(quantity: str) -> frozenset[str]:
-    """Return the figure sets of which some trend states a quantity."""
+    """Return the sources of all trends that refer to a quantity."""
     stated = (trend for trend in read_trends() if quantity in trend.quantities)
     return frozenset(name for trend in stated for name in trend.source)
 
@@ -185,7 +185,7 @@ def series_of(cube: xr.Dataset) -> list[Series]:
         kinds["deflection_error"] = cube["deflection_error"]
     if cube.attrs["figure_set"] in _sets_with(SECOND_LARGEST):
         kinds[SECOND_LARGEST] = _point_errors(cube).isel(point=-2, drop=True)
-    if {"lost", "wrong"} <= set(cube):  # of the laboratory, once for all trials
+    if {"lost", "wrong"} <= set(cube):  # of the laboratory, equal in all trials
         failures = _tracking_failures(cube["lost"], cube["wrong"])
         kinds["tracking_failures"] = failures.expand_dims(mode=cube["mode"], trial=[0, 1])
     found = []
@@ -209,7 +209,7 @@ def series_of(cube: xr.Dataset) -> list[Series]:
 
 
 def _tracking_failures(missing: xr.DataArray, wrong: xr.DataArray) -> xr.DataArray:
-    """Return the markers not followed, in %: those missing, and those found that are wrong."""
+    """Return the markers not tracked, in %: those missing, and those found that are wrong."""
     return 100 * (missing + (1 - missing) * wrong.fillna(0))
 
 
@@ -218,7 +218,7 @@ Key = tuple[str, str, int]  # quantity, case, mode
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a trend is tested on: series by quantity, case and mode, and draws of their errors."""
+    """Data to test a trend: series by quantity, case and mode, and draws of their errors."""
 
     trend: Trend
     known: Mapping[Key, Series]
@@ -236,12 +236,12 @@ class Evidence:
 
     @property
     def cases(self) -> tuple[str, ...]:
-        """Return the cases that the trend speaks of."""
+        """Return the cases to which the trend refers."""
         return self.trend.cases or tuple(self.values)
 
     @property
     def named(self) -> list[tuple[Key, Array]]:
-        """Errors of all that the trend speaks of and that has a reference, and what they are of."""
+        """Return keys and errors of the series to which the trend refers and that have no NaN."""
         return [
             ((quantity, case, mode), errors)
             for quantity, case, mode in self.known
@@ -251,7 +251,7 @@ class Evidence:
 
     @property
     def series(self) -> list[Array]:
-        """Return the errors of all that the trend speaks of and that has a reference."""
+        """Return the errors of the series to which the trend refers and that have no NaN."""
         return [errors for _, errors in self.named]
 
     def of_modes(self, quantity: str) -> dict[int, Array]:

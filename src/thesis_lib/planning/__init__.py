@@ -1,1 +1,1 @@
-"""Where cameras should stand, and how many of which kind."""
+"""Planning of camera layouts: positions, number and kind of the cameras."""

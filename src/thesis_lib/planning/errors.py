@@ -1,13 +1,13 @@
-"""Errors of a layout: predicted, simulated, and the least that any layout can have.
+"""Errors of a layout: predicted, simulated, and a lower bound for all layouts.
 
-A camera counts for the markers that it sees. Markers seen by the same cameras are one group, which
-is predicted and simulated as in :mod:`thesis_lib.figure_sets.parametric.compute`.
+A camera contributes to the markers that it sees. Markers seen by the same cameras form a group,
+predicted and simulated as in :mod:`thesis_lib.figure_sets.parametric.compute`.
 
-Independent errors σ of all image coordinates leave a marker with the covariance σ² M⁻¹, where the
+Independent errors σ of all image coordinates give a marker the covariance σ² M⁻¹, where the
 information M = Σ JᵀJ is a sum over the cameras that see it. Whole pixels have σ² = 1/6 px² for a
-motion, averaged over amplitudes, and 1/12 if the rest position is known. What matters is the
-variance along the marker's normal, σ² nᵀ M⁻¹ n. With JᵀJ of every candidate known, a layout costs
-a sum. M grows with the square of the pixels across, so the best layout does not depend on them.
+motion, averaged over amplitudes, and 1/12 if the rest position is known. The objective is the
+variance along the marker's normal, σ² nᵀ M⁻¹ n. With JᵀJ of every candidate known, a layout takes
+only a sum. M grows with the square of the pixels across, so the best layout is the same for all.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ from thesis_lib.planning.positions import Scene
 from thesis_lib.vision import pinhole, rounding, simulation, triangulation
 
 ROUNDING_VARIANCE_PX2 = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
-AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the deflection asked for is averaged
+AMPLITUDE_RANGE = (0.5, 1.5)  # amplitudes to average over, over the requested deflection
 
 
 def percent_factor(scene: Scene) -> Array:
@@ -36,14 +36,14 @@ def average_error(scene: Scene) -> float:
 
 
 def objective_error(point: Array, objective: str) -> Array:
-    """Return the error that counts, of errors (modes, markers): rms or largest."""
+    """Reduce errors (modes, markers) over the markers by the objective: rms or largest."""
     return np.sqrt(np.mean(point**2, axis=-1)) if objective == "mean" else point.max(axis=-1)
 
 
 def _groups(
     scene: Scene, layout: Array, width: int
 ) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], pinhole.CameraArray]]:
-    """Yield the cameras and markers that go together, and these cameras."""
+    """Yield groups of markers seen by the same cameras: both indices, and these cameras."""
     rig = positions.place_cameras(scene, layout, width)
     seen = positions.visible_markers(scene, layout)
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
@@ -73,8 +73,8 @@ def predict_errors(
 def average_predicted(scene: Scene, layout: Array, width: int) -> float:
     """Return the error of the worst mode by the law of rounding, averaged over amplitudes, in %.
 
-    Over `AMPLITUDE_RANGE` times the deflection that is asked for, evenly. A coordinate that hardly
-    moves has hardly an error then, where :func:`average_error` gives every coordinate 1/6 px².
+    Amplitudes are uniform over `AMPLITUDE_RANGE` times the requested deflection. A coordinate that
+    hardly moves has hardly an error here; :func:`average_error` gives every coordinate 1/6 px².
     """
 
     def average(P: Array, rest: Array, deflected: Array, normals: Array) -> Array:
@@ -90,11 +90,11 @@ def average_predicted(scene: Scene, layout: Array, width: int) -> float:
 def simulate_errors(
     scene: Scene, drawn: Array, objective: str, predicted: Array
 ) -> tuple[Array, Array]:
-    """Return errors of drawn deflection errors (modes, trials, markers) in m, in %.
+    """Return the objective's errors in % of drawn deflection errors (modes, trials, markers) in m.
 
-    The rms over the trials, (modes,), and the quantiles 5 and 95 %, (2, modes): of the mean over
-    the markers, or of the marker that is `predicted` (modes, markers) worst, without quantiles. The
-    largest of many scattered errors would be too high.
+    They are the rms over the trials, (modes,), and the 5 and 95 % quantiles, (2, modes), of the
+    mean over the markers; or, without quantiles, of the marker whose `predicted` error
+    (modes, markers) is largest, as the largest of many random errors would be too high.
     """
     wrong = drawn * percent_factor(scene)[:, None]
     if objective == "mean":
@@ -107,9 +107,9 @@ def simulate_errors(
 def draw_errors(
     scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
 ) -> Array:
-    """Simulate a layout as studies do: whole pixels on randomly shifted grids.
+    """Simulate deflection errors of a layout as studies do, in whole pixels of shifted grids.
 
-    The errors of the deflections have the shape (modes, trials, markers), in m.
+    The shape is (modes, trials, markers), in m.
     """
     body = scene.body
     points = np.concatenate([body.points[:, None], body.deflected(scene.peaks)], axis=1)
@@ -125,9 +125,9 @@ def draw_errors(
     return wrong
 
 
-_RIDGE_RATIO = 1e-6  # of the mean information: what a marker has that no camera sees
-_MAX_PASSES = 50  # exchanges end long before
-_BOUND_ROUNDS = 60  # of the weights of the lower bound
+_RIDGE_RATIO = 1e-6  # over the mean information: the information of a marker that no camera sees
+_MAX_PASSES = 50  # exchanges converge long before
+_BOUND_ROUNDS = 60  # updates of the shares for the lower bound
 
 
 def marker_axes(normals: Array) -> Array:
@@ -140,12 +140,12 @@ def marker_axes(normals: Array) -> Array:
 
 
 def place_information(scene: Scene, places: Array) -> Array:
-    """Return JᵀJ of places and markers in the marker's axes, per squared sensor width.
+    """Return JᵀJ of positions and markers in the marker's axes, per squared image width.
 
     Returns
     -------
     ndarray, shape (6, places, markers)
-        Entries xx, xy, xz, yy, yz, zz in 1/m², z along the normal; 0 where it is not seen.
+        Entries xx, xy, xz, yy, yz, zz in 1/m², z along the normal; 0 for markers not seen.
     """
     seen = positions.visible_markers(scene, places)
     J = triangulation.image_jacobian(positions.place_cameras(scene, places).P, scene.body.points)
@@ -166,7 +166,7 @@ def normal_variances(total: Array) -> Array:
     minor = xx * yy - xy**2
     determinant = zz * minor - (yy * xz**2 - 2 * xy * xz * yz + xx * yz**2)
     scale = np.maximum(xx + yy + zz, np.finfo(float).tiny)
-    regular = determinant > 1e-12 * (scale * scale * scale)  # a power takes longer than all this
+    regular = determinant > 1e-12 * (scale * scale * scale)  # scale**3 takes longer than all this
     return np.divide(minor, determinant, out=np.full(minor.shape, np.inf), where=regular)
 
 
@@ -189,7 +189,7 @@ def combined_cost(known: Array, objective: str) -> float:
 def exchange_cameras(
     known: Array, near: Mask, start: Sequence[int], objective: str, whose: Mask | None = None
 ) -> tuple[list[int], float]:
-    """Exchange one camera after the other for the best candidate, until none helps (Fedorov).
+    """Exchange one camera after the other for the best candidate, while the cost falls (Fedorov).
 
     Parameters
     ----------
@@ -198,9 +198,9 @@ def exchange_cameras(
     near : ndarray of bool, shape (candidates, candidates)
         Which of them are :func:`~thesis_lib.planning.positions.too_near` each other.
     start : sequence of int
-        Layout to begin with; -1 for a camera that is still to be placed.
+        Initial layout; -1 for a camera that is still to be placed.
     whose : ndarray of bool, shape (cameras, candidates), optional
-        Which candidates a camera may take; without it, all.
+        Which candidates each camera may take; by default all.
 
     Returns
     -------
@@ -212,12 +212,12 @@ def exchange_cameras(
     best = np.inf
     if -1 not in chosen:
         best = float(information_cost(known[:, chosen].sum(axis=1) + ridge, objective))
-    each = np.moveaxis(known, 1, 0).copy()  # sums of what lies together take a fraction of the time
+    each = np.moveaxis(known, 1, 0).copy()  # contiguous: sums take a fraction of the time
     if whose is None:
         own = [(np.arange(len(near)), known, near)] * len(chosen)
     else:
         own = [(some, known[:, some], near[:, some]) for some in map(np.flatnonzero, whose)]
-    still = 0  # slots since the last change: each would find again what it has
+    still = 0  # slots since the last change: after all of them nothing more can change
     for slot in _MAX_PASSES * list(range(len(chosen))):
         if still == len(chosen):
             break
@@ -238,13 +238,13 @@ def exchange_cameras(
 
 
 def lower_bound(known: Array, n_cameras: int, weights: Array) -> float:
-    """Return a bound that Σ wₘ vₘ of no layout of so many candidates can be below.
+    """Return a lower bound of Σ wₘ vₘ for all layouts of `n_cameras` candidates.
 
-    Places may even be shared.
+    It includes layouts with several cameras in one position.
 
-    The cost φ of information M is convex and of degree −1, and its derivative towards a candidate
-    is −g. So no layout of n has less than φ² / (n max g), whatever M; the bound is tightened by
-    moving the share of every candidate in M with √g.
+    The cost φ of information M is convex and homogeneous of degree −1, and its derivative towards a
+    candidate is −g. So, for any M, no layout of n costs less than φ² / (n max g). The bound is
+    tightened by multiplying the share of every candidate in M by √g.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def lower_bound(known: Array, n_cameras: int, weights: Array) -> float:
     n_cameras : int
         Number n of cameras.
     weights : ndarray, shape (markers,)
-        Weights wₘ, not negative, sum 1: all alike for the mean. The largest variance is never
+        Weights wₘ, not negative, sum 1: all equal for the mean. The largest variance is never
         below a weighted mean.
     """
     share = np.full(known.shape[1], n_cameras / known.shape[1])
@@ -265,7 +265,7 @@ def lower_bound(known: Array, n_cameras: int, weights: Array) -> float:
         if not np.all(np.isfinite(variance)):
             break
         minor = xx * yy - xy**2
-        # M⁻¹n = v (a, b, 1): what the normal takes with it across
+        # M⁻¹n = v (a, b, 1), with tangential components a and b
         a = (xy * yz - yy * xz) / minor
         b = (xy * xz - xx * yz) / minor
         direction = np.stack([a * a, 2 * a * b, 2 * a, b * b, 2 * b, np.ones_like(a)])

@@ -1,6 +1,6 @@
-"""The planner: best layouts, their cost, the cheapest that reaches the target, what prevents it.
+"""Find the best camera layouts, their cost, and the cheapest one that reaches the target.
 
-A plan is given as a labelled cube, and as a table of cameras.
+A plan is returned as a labelled cube, and as a table of cameras.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from thesis_lib.templates import join_words
 
 
 class ImpossibleError(ParameterError):
-    """A plan that cannot be; the message is one line and names the binding limit."""
+    """A request without a plan; the message is one line and names the binding limit."""
 
 
 def ease_limits(scene: Scene) -> dict[str, Scene]:
-    """Drop the limit that each parameter sets, by parameter; distances keep clear of the body."""
+    """Return the scene without each parameter's limit; distances keep clear of the body."""
     reach, rules = scene.body.reach + max(scene.peaks), scene.rules
     free: dict[str, dict[str, Any]] = {
         "separation_mm": {"separation": 0.0},
@@ -54,9 +54,9 @@ def _text(request: PlanRequest, field: str) -> str:
 
 
 def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
-    """Explain which limits allow no place."""
+    """Explain which limits leave no camera position."""
     step, nowhere = np.radians(request.step_deg), "plan: no camera may stand anywhere; binding:"
-    # parameters each of which alone leaves no place: without its limit there are some
+    # parameters that bind alone: without the limit of one of them there are positions
     eased = ease_limits(scene)
     eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
     if found := [field for field, one in eased.items() if len(candidate_positions(one, step))]:
@@ -67,7 +67,7 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
 
 
 def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:
-    """Explain that places leave no layout: cameras too close, or a marker two do not see."""
+    """Explain why there is no layout: cameras too close, or a marker that fewer than two see."""
     seen = (place_information(scene, grid)[0] > 0).sum(axis=0)
     if seen.min() < 2:
         worst = int(np.argmin(seen))
@@ -82,7 +82,7 @@ def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> Impo
 
 
 def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
-    """Explain a target out of reach: what it needs, and which limit on places costs most."""
+    """Explain a target out of reach: what it needs, and which limit on positions costs most."""
     target, n, scene = request.target_percent, len(best.layout), best.scene
     assert target is not None
     ratio = best.reached / target
@@ -120,27 +120,27 @@ def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
 
 @dataclass(frozen=True)
 class Option:
-    """A number of cameras of one kind, best placed."""
+    """The best layout found for a number of cameras with one resolution."""
 
-    #: Places: azimuth and elevation in rad, distance in m, focal length over sensor width, shape
+    #: Positions: azimuth and elevation in rad, distance in m, focal length over sensor width, shape
     #: (cameras, 4)
     layout: Array
     resolution: tuple[int, int]  #: Width and height in px
-    kind: int  #: Which of the resolutions that is
+    kind: int  #: Index of the resolution in the request
     frame_rate: float  #: In Hz
     pixel_rate: float  #: Pixels per second of all cameras
     cost: float  #: Pixels per second of all cameras, or their price
     expected: float  #: Largest error of a mode in %, averaged over amplitudes
-    #: Error of every marker by the law of rounding, at the amplitude asked for, in %, shape
+    #: Error of every marker by the law of rounding, at the requested amplitude, in %, shape
     #: (modes, markers)
     point: Array
-    predicted: Array  #: The error that counts, of each mode, shape (modes,)
-    bound: float  #: What `expected` of no layout on the grid of the search can be below
-    scene: Scene  #: What was optimised
+    predicted: Array  #: Error of each mode that the request's goal is about, in %, shape (modes,)
+    bound: float  #: Lower bound of `expected` for all layouts on the search grid
+    scene: Scene  #: Scene that was optimised
     #: Simulation in %: rms over the trials (modes,), and 5 and 95 % quantiles (2, modes)
     simulated: Any = None
     band: Any = None
-    #: The plan for the shape, which one for sound began with, and its sound's errors by mode, %
+    #: Plan for the shape from which one for sound started, and its sound errors by mode in %
     shape_plan: Option | None = None
     shape_plan_error: Array | None = None
 
@@ -157,14 +157,14 @@ class Option:
 
 @dataclass(frozen=True)
 class Plan:
-    """What was found."""
+    """Result of a planning request."""
 
-    request: PlanRequest  #: What was asked
-    body: Body  #: What is measured
+    request: PlanRequest  #: Parameters
+    body: Body  #: Measured body
     options: list[Option]  #: Every number of cameras with every resolution
-    front: list[int]  #: Options that no other beats in cost without being less accurate, by cost
-    chosen: int  #: The cheapest that reaches the target, or without a target the most accurate
-    candidates: int  #: Places on the grid of the search
+    front: list[int]  #: Indices of the Pareto-optimal options in cost and error, by rising cost
+    chosen: int  #: Index of the cheapest to reach the target, or without one of the most accurate
+    candidates: int  #: Number of positions on the search grid
 
 
 def plan(
@@ -177,16 +177,16 @@ def plan(
     request : PlanRequest
         Validated parameters.
     body : Body, optional
-        What is measured, if it is not the request's beam or plate.
+        Measured body, if it is not the request's beam or plate.
     tell : callable
-        Is told, line by line, how far it is.
+        Called with lines about the progress.
 
     Raises
     ------
     ImpossibleError
-        If no camera may stand anywhere, markers are never seen, or the target is out of reach.
+        If no position is allowed, markers are never seen, or the target is out of reach.
     ParameterError
-        If the request does not go with the body.
+        If the request does not fit the body.
     """
     body = body or request.measured
     try:
@@ -195,7 +195,7 @@ def plan(
         raise ParameterError(f"plan: {error.message()}") from None
     options: list[Option] = []
     total = 0
-    aspects: dict[Fraction, list[int]] = {}  # resolutions of one shape share their layouts
+    aspects: dict[Fraction, list[int]] = {}  # resolutions of one aspect ratio share layouts
     for kind, (width, height) in enumerate(request.resolutions_px):
         aspects.setdefault(Fraction(height, width), []).append(kind)
     for kinds in aspects.values():
@@ -228,7 +228,7 @@ def plan(
 
 
 def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
-    """Return plans for the shape, each moved for the sound; no bound of theirs is known."""
+    """Return the shape plans with cameras moved for the sound; their bounds are unknown: NaN."""
     sounds, goal = request.sounds, request.goal
     assert goal != "shape"
     found = []
@@ -247,9 +247,9 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
 
 
 def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:
-    """Return indices of what nothing else beats in one without losing in the other, by rising cost.
+    """Return the indices of the Pareto-optimal pairs of cost and error, by rising cost.
 
-    Errors that only noise tells apart are equal.
+    Errors count as equal if they differ by round-off alone.
 
     Examples
     --------
@@ -288,7 +288,7 @@ def _options(
     options = []
     for layout in made:
         value = layout_cost(scene, layout, request.objective)
-        # the bound weighs markers alike, or those with the largest errors most
+        # the bound weights markers equally, or those with the largest errors most
         variance = errors.normal_variances(place_information(scene, layout).sum(axis=1))
         power = (variance / variance.max()) ** (40 if request.objective == "worst" else 0)
         bound = errors.lower_bound(known, len(layout), power / power.sum())
@@ -388,7 +388,7 @@ def as_cube(made: Plan) -> xr.Dataset:
 
 
 def _outline(made: Plan) -> Array:
-    """Return the structure's corners, or those of the box around its markers as one closed walk."""
+    """Return the structure's corners, or those of the box around its markers as a closed path."""
     if made.body.outline.size:
         return made.body.outline
     low, high = made.body.points.min(axis=1), made.body.points.max(axis=1)

@@ -1,16 +1,16 @@
-"""What is measured, where cameras may stand, what they see, and which limit leaves no place.
+"""Measured bodies, allowed camera positions, and the markers visible from them.
 
-A *body* is a beam, a plate, or markers on anything else that bends: points in space, each of which
-moves along its own normal. Everything is in metres, in the frame in which the body was given.
+A *body* is a beam, a plate, or markers on any other bending structure: points in space, each of
+which moves along its own normal. Everything is in metres, in the frame in which the body was given.
 
-A *place* is a row (azimuth, elevation, distance, focal length over sensor width): angles in rad
-about the body's centre, at which the camera looks, distance in m. Sensors have a width of 1 here
-and a height of `aspect`: which places are allowed, and which layout is best, does not depend on
-how many pixels share the width.
+A camera position (`places` in the code) is a row (azimuth, elevation, distance, focal length over
+sensor width): angles in rad about the body's centre, at which the camera looks, distance in m.
+Sensors have a width of 1 here and a height of `aspect`: neither the allowed positions nor the best
+layout depend on the number of pixels across.
 
-They stand on a lattice: tenths of a degree, whole millimetres, or a given limit. Neither the costs
-of layouts nor what is seen are computed to the last digit, and that digit is not the same on all
-machines. Among places so far apart the choice does not depend on it.
+Positions are rounded to a lattice: tenths of a degree, whole millimetres, or a given limit. The
+last digit of costs and visibility differs between machines. Among positions so far apart the choice
+does not depend on it.
 """
 
 from collections.abc import Sequence
@@ -27,23 +27,23 @@ Limits = tuple[float, float]
 
 PER_DEGREE = 10
 PER_METRE = 1000
-MAX_TIE_RATIO = 1e-7  # relative: costs that are closer are equal
-_STEP_DIGITS = 6  # of a number of steps; what follows is noise
+MAX_TIE_RATIO = 1e-7  # relative: costs that are closer count as equal
+_STEP_DIGITS = 6  # decimals of a number of steps; further ones are round-off
 
 
 @dataclass(frozen=True)
 class Body:
     """Markers that vibrate along their normals."""
 
-    name: str  #: What it is called
+    name: str  #: Name
     points: Array  #: Markers at rest in m, shape (3, markers)
     #: Unit vectors along which they move, and towards which they face, shape (3, markers)
     normals: Array
     #: Deflections along the normals where the peak over the structure is 1, shape (modes, markers)
     shapes: Array
     frequencies: Array  #: In Hz, shape (modes,)
-    modes: tuple[int, ...]  #: Their numbers
-    #: What is drawn of the structure; empty if only its markers are known, shape (3, corners)
+    modes: tuple[int, ...]  #: Numbers of the modes
+    #: Corners to draw; empty if only the markers are known, shape (3, corners)
     outline: Array
 
     @cached_property
@@ -64,22 +64,22 @@ class Body:
     def extremes(self, peaks: Sequence[float]) -> Array:
         """Return the markers at both ends of their largest motion, shape (3, 2, markers).
 
-        What sees both ends sees the whole motion of any of the modes, since images of straight
-        lines are straight.
+        A camera that sees both ends sees the whole motion of any of the modes, since images of
+        straight lines are straight.
         """
         largest = np.max(np.abs(np.asarray(peaks)[:, None] * self.shapes), axis=0)
         return self.points[:, None] + self.normals[:, None] * np.stack([largest, -largest])
 
 
 def body_of(structure: Structure, name: str, modes: Sequence[int]) -> Body:
-    """Make a body of a beam or plate: its centre is the origin, its normals are +Z.
+    """Build the body of a beam or plate: its centre is the origin, its normals are +Z.
 
     Parameters
     ----------
     structure : Structure
         Beam or plate.
     name : str
-        What it is called.
+        Name of the body.
     modes : sequence of int
         Numbers of the modes, from 1.
     """
@@ -106,9 +106,9 @@ def angles(values: Array, limits: Limits) -> Array:
 
 
 def azimuths(values: Array, limits: Limits) -> Array:
-    """Return the azimuths rounded like :func:`angles`; of a full turn from -180° to below 180°."""
+    """Return the azimuths rounded as by :func:`angles`; for a full turn, -180° to below 180°."""
     if full_turn(limits):
-        half = np.pi * (1 + 1e-12)  # -180° and 180° are one
+        half = np.pi * (1 + 1e-12)  # -180° and 180° are the same
         return _rounded(np.mod(_rounded(values) + half, 2 * np.pi) - half)
     middle = (limits[0] + limits[1]) / 2
     return angles(middle + np.mod(values - middle + np.pi, 2 * np.pi) - np.pi, limits)
@@ -119,7 +119,7 @@ def _rounded(values: Array) -> Array:
 
 
 def full_turn(limits: Limits) -> bool:
-    """Return whether azimuths have no limits."""
+    """Return whether the limits of azimuths span a full turn."""
     return limits[1] - limits[0] >= 2 * np.pi * (1 - 1e-9)
 
 
@@ -129,41 +129,41 @@ def lengths(values: Array, limits: Limits) -> Array:
 
 
 def length_at(index: NDArray[np.int_], limits: Limits) -> Array:
-    """Return lengths by number: 0 is the least, then whole millimetres, the largest last."""
+    """Return lengths in m by index: the least first, then whole millimetres, the largest last."""
     first = np.floor(np.round(limits[0] * PER_METRE, _STEP_DIGITS))
     return np.clip((first + index) / PER_METRE, *limits)
 
 
 def first_least(costs: Array) -> int:
-    """Return the first of the costs that are least, but for what may be noise."""
+    """Return the index of the first cost that equals the least within `MAX_TIE_RATIO`."""
     return int(np.argmax(costs <= costs.min() * (1 + MAX_TIE_RATIO)))
 
 
 def first_most(values: Array) -> NDArray[np.int_]:
-    """Return the first index of the largest values along the last axis, up to noise."""
+    """Return the first index along the last axis that equals the largest within `MAX_TIE_RATIO`."""
     return np.argmax(values >= values.max(axis=-1, keepdims=True) * (1 - MAX_TIE_RATIO), axis=-1)
 
 
 def by_rule(layout: Array) -> Array:
-    """Return the same layout with its cameras by azimuth, elevation, distance and lens."""
+    """Return the layout with cameras sorted by azimuth, elevation, distance and focal length."""
     return layout[np.lexsort(whole_steps(layout).T[::-1])]
 
 
 def whole_steps(layout: Array) -> NDArray[np.int_]:
-    """Return places in thousandths of a step, which have no noise."""
+    """Return positions in whole thousandths of a lattice step, free of round-off."""
     steps = layout * [1, 1, PER_METRE, PER_METRE]
     steps[:, :2] = np.degrees(layout[:, :2]) * PER_DEGREE
     return np.rint(1000 * steps).astype(int)
 
 
-LIMIT_SLACK = 1e-9  # relative: what stands on a limit is allowed
-_TRIED_DISTANCES = 8  # distances tried from the nearest that sees enough outwards
-_MAX_IMAGES = 2_000_000  # images at a time, which bounds the memory
+LIMIT_SLACK = 1e-9  # relative: positions on a limit are allowed
+_TRIED_DISTANCES = 8  # distances tried, from the nearest that sees enough to the largest
+_MAX_IMAGES = 2_000_000  # image points at a time, which bounds the memory
 
 
 @dataclass(frozen=True)
 class Rules:
-    """Limits on places. Angles in rad, lengths in m, regions in the body's frame."""
+    """Limits on positions. Angles in rad, lengths in m, regions in the body's frame."""
 
     #: Least and largest; azimuths may span more than a turn
     distances: tuple[float, float]
@@ -185,7 +185,7 @@ class Rules:
 class Scene:
     """A body, how far its markers move, the rules, and the shape of the sensors."""
 
-    body: Body  #: What is measured
+    body: Body  #: Measured body
     peaks: tuple[float, ...]  #: Peak deflection of each mode in m
     rules: Rules  #: Where cameras may stand
     focals: tuple[float, ...]  #: Focal lengths to choose from, over the sensor's width
@@ -199,7 +199,7 @@ def camera_centres(scene: Scene, places: Array) -> Array:
 
 
 def place_cameras(scene: Scene, places: Array, width: float = 1.0) -> pinhole.CameraArray:
-    """Return the cameras at places, each with its own lens and `width` pixels across."""
+    """Return the cameras at positions, each with its focal length and `width` pixels across."""
     size = (width, scene.aspect * width)
     if width != 1:
         size = (round(size[0]), round(size[1]))
@@ -210,19 +210,19 @@ def place_cameras(scene: Scene, places: Array, width: float = 1.0) -> pinhole.Ca
 
 
 Sights = tuple[Array, Array, Array]
-"""What is seen in some directions from the centre, whatever the distance; (directions, markers).
+"""Visibility of markers from directions, at any distance, as arrays (directions, markers).
 
-The distance in m from which on a marker's whole motion is in the image; how far the marker is from
-the centre along the direction, in m; and the cosine between its normal and the direction.
+The distance in m from which on a marker's whole motion is in the image; the marker's coordinate in
+m from the centre along the direction; and the cosine between its normal and the direction.
 """
 
 
 def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
-    """Return the sights in directions (directions, 2) through lenses (directions,)."""
+    """Return :data:`Sights` from directions (directions, 2) with focal lengths (directions,)."""
     body, R = scene.body, pinhole.hemisphere_rotations(grid[:, 0], grid[:, 1])
     ends = body.extremes(scene.peaks) - body.centre[:, None, None]
     across, down, beyond = np.moveaxis(np.tensordot(R, ends, 1), 1, 0)
-    # an image is focal × across / (distance + beyond) from the middle of the image
+    # a point is imaged focal × across / (distance + beyond) from the middle of the image
     aside = np.maximum(
         np.abs(across) / (1 / 2 + LIMIT_SLACK), np.abs(down) / (scene.aspect / 2 + LIMIT_SLACK)
     )
@@ -232,9 +232,9 @@ def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
 
 
 def can_read(scene: Scene, seen: Sights, distance: Array) -> Mask:
-    """Return which markers are in the image in all their motion and not too tilted to be read.
+    """Return which markers' whole motion is in the image and not too tilted, (places, markers).
 
-    From places so far away (places,) in m, shape (places, markers).
+    Cameras are at a `distance` (places,) in m.
     """
     inside, towards, facing = seen
     rest = scene.body.points - scene.body.centre[:, None]
@@ -255,7 +255,7 @@ def region_clearances(scene: Scene, places: Array) -> Array:
     for low, high, bottom, top in rules.sectors:
         middle, half = (low + high) / 2, (high - low) / 2
         aside = np.abs(np.mod(places[:, 0] - middle + np.pi, 2 * np.pi) - np.pi)
-        # a whole turn has no way out to the side, nor one that holds a pole beyond the pole
+        # a full turn cannot be left sideways, nor a sector with a pole beyond that pole
         half = half if half < np.pi - LIMIT_SLACK else np.inf
         bottom = bottom if bottom > LIMIT_SLACK - np.pi / 2 else -np.inf
         top = top if top < np.pi / 2 - LIMIT_SLACK else np.inf
@@ -273,7 +273,7 @@ def visible_markers(scene: Scene, places: Array) -> Mask:
 
 
 def _parts(scene: Scene, count: int) -> list[slice]:
-    """Return slices of so many places that fit into memory."""
+    """Return slices of `count` positions that fit into memory."""
     step = max(1, _MAX_IMAGES // (2 * scene.body.points.shape[1]))
     return [slice(i, i + step) for i in range(0, count, step)]
 
@@ -285,14 +285,14 @@ def shows_enough(scene: Scene, seen: Mask) -> Mask:
 
 def too_near(scene: Scene, places: Array, others: Array) -> Mask:
     """Return which positions are too near which others, shape (places, others)."""
-    from scipy.spatial.distance import cdist  # late: the list of figure sets needs no SciPy
+    from scipy.spatial.distance import cdist  # late: listing figure sets needs no SciPy
 
     gap = cdist(camera_centres(scene, places), camera_centres(scene, others))
     return np.asarray(gap < max(scene.rules.separation * (1 - LIMIT_SLACK), 1e-9))
 
 
 def is_allowed(scene: Scene, layout: Array) -> bool:
-    """Return whether a layout keeps all rules."""
+    """Return whether a layout satisfies all rules."""
     return bool(np.all(are_permitted(scene, layout))) and is_spaced(scene, layout)
 
 
@@ -302,10 +302,10 @@ def is_spaced(scene: Scene, layout: Array) -> bool:
 
 
 def candidate_positions(scene: Scene, step: float) -> Array:
-    """Return allowed places to choose from, shape (candidates, 4).
+    """Return the allowed candidate positions, shape (candidates, 4).
 
-    For every direction of a grid, about `step` (rad) apart, and every lens, the two nearest allowed
-    of some distances that grow from the nearest one that sees enough.
+    For every direction of a grid, about `step` (rad) apart, and every focal length, they are at the
+    two nearest allowed ones of distances that grow from the nearest one that sees enough markers.
     """
     (low, high), (bottom, top) = scene.rules.azimuths, scene.rules.elevations
     turn = full_turn(scene.rules.azimuths)
@@ -329,7 +329,7 @@ def candidate_positions(scene: Scene, step: float) -> Array:
 
 
 def are_permitted(scene: Scene, places: Array) -> Mask:
-    """Return which positions keep all rules that do not involve other cameras, shape (places,)."""
+    """Return which positions satisfy all rules that concern single cameras, shape (places,)."""
     azimuth, elevation, distance = places[:, 0], places[:, 1], places[:, 2]
     low, high = scene.rules.azimuths
     turned = np.mod(azimuth - low + LIMIT_SLACK, 2 * np.pi) <= high - low + 2 * LIMIT_SLACK
@@ -344,15 +344,15 @@ def are_permitted(scene: Scene, places: Array) -> Mask:
 
 
 def places_at(grid: Array, distance: Array | float, focal: Array | float) -> Array:
-    """Return places in directions (places, 2) from the centre."""
+    """Return positions from directions (places, 2), distances and focal lengths."""
     return np.column_stack([grid, *(np.broadcast_to(one, len(grid)) for one in (distance, focal))])
 
 
 def nearest_distances(scene: Scene, grid: Array, focal: Array | float) -> Array:
-    """Return each direction's least allowed distance by halving; else the largest."""
+    """Find each direction's least distance that sees enough by bisection; else the largest."""
     limits, focal = scene.rules.distances, np.broadcast_to(focal, len(grid))
     low_mm, high_mm = np.round(np.array(limits) * PER_METRE, _STEP_DIGITS)
-    last = int(np.ceil(high_mm) - np.floor(low_mm))  # the number of the largest length
+    last = int(np.ceil(high_mm) - np.floor(low_mm))  # the index of the largest length
     found = np.full(len(grid), last)
     for part in _parts(scene, len(grid)) if last else []:
         seen, high = lens_sights(scene, grid[part], focal[part]), found[part]

@@ -1,4 +1,4 @@
-"""A plan as figures, as a view that can be turned, and as the files of ``thesis plan``."""
+"""Figures, 3-D viewer and output files of a camera plan (``thesis plan``)."""
 
 import csv
 import hashlib
@@ -68,9 +68,9 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
 
 
 def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> None:
-    """Draw the error against cost of every option, and the front of those that nothing beats.
+    """Draw the error of every option against its cost, and the Pareto front.
 
-    Colours are numbers of cameras, symbols resolutions.
+    Colours show numbers of cameras, symbols resolutions.
     """
     priced = cube.attrs.get("cost_is") == "price"
     cost = cube["cost"].values / (1.0 if priced else 1e6)
@@ -112,7 +112,7 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
 def layout_view(plans: Sequence[tuple[str, xr.Dataset, int]]) -> str:
     """Return plans as a self-contained HTML fragment.
 
-    Each has a name, options with their cameras, as in a plan's cube, and the option shown first.
+    Each is a name, a cube with options and their cameras, and the index of the option shown first.
     """
     described = []
     for name, cube, chosen in plans:
@@ -143,11 +143,11 @@ def _describe_option(cube: xr.Dataset, index: int) -> dict[str, Any]:
 
 
 def _finite(points: Array) -> Array:
-    """Return the points (points, 3) without the rows that only fill up."""
+    """Return the points (points, 3) without padding rows."""
     return points[np.isfinite(points).all(axis=1)]
 
 
-#: By goal: the quantity whose error a plan gives, and what that is a percentage of
+#: By goal: the quantity whose error a plan reports, and the reference of the percentage
 QUANTITY_WORDS = {
     "shape": ("shape", "largest deflection of a marker"),
     "sound": ("field", "largest pressure on a plane, in a rigid wall"),
@@ -171,7 +171,7 @@ def write_plan(
     request : PlanRequest
         Validated parameters.
     folder : pathlib.Path
-        Where to write; nothing is written there before all is made.
+        Output folder; nothing is written there before all files are complete.
     structure : pathlib.Path, optional
         File with the structure, instead of the request's beam or plate.
     tell : callable
@@ -210,7 +210,7 @@ def write_plan(
 
 
 def plan_record(folder: Path) -> dict[str, Any]:
-    """Return the proposed option of a plan's files: cost, cameras, errors in %, by mode."""
+    """Read the proposed option from a plan's files: cost, cameras, errors in %, by mode."""
     cube = storage.open_netcdf(folder / "plan.nc")
     best = cube.isel(option=int(cube["chosen"]))
     names = ["frequency", "predicted_error", "simulated_error", "simulated_low", "simulated_high"]
@@ -226,7 +226,7 @@ def plan_record(folder: Path) -> dict[str, Any]:
 
 
 def plan_command(request: PlanRequest, file: str = "") -> str:
-    """Return the command that makes a plan again.
+    """Return the command that reproduces a plan.
 
     Examples
     --------
@@ -240,8 +240,8 @@ def plan_command(request: PlanRequest, file: str = "") -> str:
 def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> str:
     """Return the command that simulates a layout (rows of `places`) as a study; empty if none can.
 
-    The studies of chapters 3 and 4 have the thesis's structures, and one distance and one lens for
-    all cameras, above the plane, each of which counts for all markers.
+    The studies of chapters 3 and 4 have the thesis's structures, and one distance and one focal
+    length for all cameras, which stand above the plane and see all markers.
     """
     distance, focal = 1000 * layout[:, 2], request.sensor_width_mm * layout[:, 3]
     low = np.degrees(layout[:, 1].min())
@@ -271,7 +271,7 @@ def _format_cost(plan_: Plan, cost: float) -> str:
 
 
 def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
-    """Return what was found, in a few lines."""
+    """Summarise a plan in a few lines."""
     request, best = plan_.request, plan_.options[plan_.chosen]
     quantity, _ = QUANTITY_WORDS[request.goal]
     kind = "mean" if request.objective == "mean" else "worst marker's"
@@ -291,7 +291,7 @@ def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
 
 
 def build_page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> str:
-    """Return the plan as one page that loads nothing."""
+    """Return the plan as a self-contained HTML page."""
     header, *rows = csv.reader(io.StringIO(camera_table(cube, plan_.chosen)))
     with in_style():
         drawing, axes = subplots(figsize=(7.2, 3.8))

@@ -1,4 +1,4 @@
-"""What may be asked of the planner: structure, cameras to choose from, limits, wanted accuracy."""
+"""Parameters of the planner: structure, cameras to choose from, limits, required accuracy."""
 
 import math
 from collections.abc import Mapping
@@ -22,13 +22,13 @@ Count = Annotated[fields.Whole, Field(ge=2, le=24)]
 Box = tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate]
 Sphere = tuple[Coordinate, Coordinate, Coordinate, fields.Positive]
 Sector = tuple[fields.Azimuth, fields.Azimuth, Rise, Rise]
-MIN_FRAMES_PER_PERIOD = 2.5  # frames that a period needs at least
-AUDIBLE_TARGET = "plate", 1.0, "mean"  # body, view and objective of what is planned for sound
+MIN_FRAMES_PER_PERIOD = 2.5
+AUDIBLE_TARGET = "plate", 1.0, "mean"  # body, in_view and objective of plans for sound
 SOUND_ONLY = 'allowed: "shape", or for the plate, with in_view 1 and objective "mean", a sound'
 
 
 class PlanRequest(Study):
-    """Where cameras should stand, how many of which kind, and what they reach."""
+    """Parameters of a camera plan; the strings below fields are their descriptions for users."""
 
     name = "plan"
     title = "Where cameras should stand"
@@ -136,7 +136,7 @@ class PlanRequest(Study):
         return tuple(peaks_m(self.structure, self.modes, self.amplitude_mm))
 
     def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
-        """Return what is measured with images in the proportion of one of the resolutions."""
+        """Return the body, peaks and rules, with the aspect ratio of the resolution `kind`."""
         least, most = self.distances_mm
         low, high = np.radians(self.azimuths_deg).tolist()
         bottom, top = np.radians(self.elevations_deg).tolist()
@@ -168,7 +168,7 @@ class PlanRequest(Study):
         return min(enough)
 
     def check_with(self, body: Body) -> None:
-        """Refuse what does not go with a body: distances, amplitudes, frame rates."""
+        """Refuse distances, amplitudes, frame rates or a goal that do not fit a body."""
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
             self.refuse("amplitude_mm", "allowed: a number, or a list with one for each mode")
         reach = 1000 * (body.reach + max(self.peaks_m))
@@ -178,7 +178,7 @@ class PlanRequest(Study):
         if self.goal != "shape" and body.name != self.body:
             self.refuse("goal", SOUND_ONLY)
         if self.goal != "shape":
-            _ = self.sounds  # refuses modes that are not heard
+            _ = self.sounds  # refuses silent modes
 
     @model_validator(mode="after")
     def _check_together(self) -> Self:

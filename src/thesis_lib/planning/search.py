@@ -1,8 +1,8 @@
-"""The best layouts: exchange on a grid of places, then about those found by ever smaller steps.
+"""Search for the best layouts: exchange on a grid, then local search with decreasing steps.
 
-All decisions are between places of :mod:`~thesis_lib.planning.positions` whose costs differ by more
-than noise, so they are the same on every machine. Layouts that are equally good, such as mirror
-images, are told apart by rule.
+All decisions are between positions of :mod:`~thesis_lib.planning.positions` whose costs differ by
+more than round-off, so they are the same on every machine. A fixed rule decides between layouts
+that are equally good, such as mirror images.
 """
 
 import itertools
@@ -17,8 +17,8 @@ from thesis_lib.planning.positions import Scene, too_near
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 SEARCH_STEPS_RAD = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
-_MAX_ROUNDS = 50  # of one step; ends long before
-SETTLED_LAYOUTS = 3  # of those found for a number of cameras the best, and what equals them
+_MAX_ROUNDS = 50  # with one step; they converge long before
+SETTLED_LAYOUTS = 3  # best layouts for a number of cameras that are refined, and all that tie
 _SHORT_STEPS, _LONG_STEPS = (-1, 0, 1), (-10, 10)
 _STEP_PAIRS = (_SHORT_STEPS, _SHORT_STEPS), (_LONG_STEPS, (-1, 1)), ((-1, 1), _LONG_STEPS)
 _SEARCH_DIRECTIONS = np.array([way for steps in _STEP_PAIRS for way in itertools.product(*steps)])
@@ -26,21 +26,21 @@ _SEARCH_DIRECTIONS = np.array([way for steps in _STEP_PAIRS for way in itertools
 
 
 def find_neighbours(scene: Scene, layout: Array, step: float) -> tuple[Array, Mask]:
-    """Find allowed places about a `step` (rad) from a layout, and who may take which.
+    """Find allowed positions about a `step` (rad) from a layout, and which camera may take which.
 
-    A few steps in azimuth and elevation or none, and from there as far as the camera is, a step
-    nearer or farther, or as near as it sees enough.
+    They differ by a few steps in azimuth and elevation or none, and are at the camera's distance, a
+    step nearer or farther, or at the nearest distance that sees enough markers.
 
     Returns
     -------
     tuple of ndarray
-        Places (places, 4), those of the layout first; and for every camera (cameras, places)
-        whether a place is about its own.
+        Positions (places, 4), those of the layout first; and for every camera (cameras, places)
+        whether it may take a position.
     """
     rules, n = scene.rules, len(layout)
     aside, up = np.tile(_SEARCH_DIRECTIONS, (n, 1)).T
     azimuth, elevation, distance, focal = np.repeat(layout, len(_SEARCH_DIRECTIONS), axis=0).T
-    turn = step / np.maximum(np.cos(elevation), step)  # less of an angle near the pole
+    turn = step / np.maximum(np.cos(elevation), step)  # an azimuth is shorter near the pole
     across = positions.azimuths(azimuth + turn * aside, rules.azimuths)
     grid = np.column_stack([across, positions.angles(elevation + step * up, rules.elevations)])
     by = np.maximum(step * distance, 1 / positions.PER_METRE)
@@ -75,10 +75,10 @@ def turn_layout(scene: Scene, layout: Array, angle: float) -> Array:
 
 
 def settle_layout(scene: Scene, layout: Array, objective: str) -> Array:
-    """Move cameras by ever smaller steps, one by one and all together, while that helps."""
+    """Refine a layout in decreasing steps, by single cameras and as a whole, while costs fall."""
     best = layout_cost(scene, layout, objective)
     for step in SEARCH_STEPS_RAD:
-        # one by one they do not leave an arrangement that is better only if all are turned
+        # moves of single cameras cannot leave a layout that improves only if all are turned
         least = SEARCH_STEPS_RAD[-1]
         for turn, reach in ((0.0, step), (step, least), (-step, least)):
             for _ in range(_MAX_ROUNDS):
@@ -97,9 +97,9 @@ def settle_layout(scene: Scene, layout: Array, objective: str) -> Array:
 
 
 def choose_layout(scene: Scene, layouts: Sequence[Array], objective: str) -> Array | None:
-    """Choose the best layout; of equal ones and their images, that of the least rank.
+    """Choose the best layout; of ties and their symmetric images, the first in sorted order.
 
-    Images are turned by quarters, and mirrored at the planes through the centre.
+    Images are rotated by quarter turns, and mirrored at the planes through the centre.
     """
     costs = [layout_cost(scene, one, objective) for one in layouts]
     most = min(costs, default=0.0) * (1 + positions.MAX_TIE_RATIO)
@@ -120,22 +120,22 @@ def best_layouts(
 ) -> Iterator[tuple[int, Array]]:
     """Yield the best layout (cameras, 4) of each number of cameras from a grid of candidates.
 
-    Every number is begun from the best smaller one, and from random layouts of half of the
-    candidates, each exchanged until nothing helps; the best three are settled.
+    For each number the search starts from the best smaller layout and from random layouts of half
+    of the candidates, each improved by exchange; the best three are refined.
 
     Parameters
     ----------
     grid : ndarray, shape (candidates, 4)
-        Places to choose from.
+        Candidate positions.
     counts : sequence of int
         Numbers of cameras, ascending.
     starts, seed : int
-        How many random layouts, and the seed they are drawn with.
+        Number of random layouts, and their seed.
 
     Yields
     ------
     tuple
-        A number, and its layout; not where so many do not find room, or leave a marker unseen.
+        A number, and its layout; left out if so many find no room, or leave a marker unseen.
     """
     known = place_information(scene, grid)
     near = too_near(scene, grid, grid)
@@ -145,7 +145,7 @@ def best_layouts(
     for count in counts:
         tried = [exchange_cameras(known, near, smaller + [-1] * (count - len(smaller)), objective)]
         for _ in range(starts):
-            # half of the places lead to another layout than all, which small steps may favour
+            # half of the candidates lead to other layouts, which refinement may improve more
             half = np.sort(rng.permutation(len(grid))[: max(len(grid) // 2, count)])
             part = near[np.ix_(half, half)]
             drawn = _random(rng, part, count)
@@ -157,7 +157,7 @@ def best_layouts(
         if whole:
             least = min(whole.values()) * (1 + positions.MAX_TIE_RATIO)
             smaller = list(min(one for one, value in whole.items() if value <= least))
-        if before is not None:  # the settled smaller one and what adds most to it
+        if before is not None:  # the refined smaller layout and the best additions
             added = before
             while len(added) < count:
                 rest = np.flatnonzero(~too_near(scene, grid, added).any(axis=1))
@@ -182,7 +182,7 @@ def best_layouts(
 
 
 def _random(rng: np.random.Generator, near: Mask, count: int) -> list[int]:
-    """Return candidates drawn one after the other where there is room; -1 where there is none."""
+    """Draw candidates one after the other where there is room; -1 where there is none."""
     chosen: list[int] = []
     for _ in range(count):
         open_ = np.flatnonzero(~np.any(near[chosen], axis=0))

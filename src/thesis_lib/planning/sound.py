@@ -1,10 +1,10 @@
-"""Cameras for the plate's sound: for its field on planes, its pressure at a point, or its power.
+"""Camera layouts for the plate's sound: its field on planes, pressure at a point, or power.
 
-The field's error is ω²tr(QΣ) (:mod:`thesis_lib.acoustics.radiation`), so what counts beside the
-markers' variances is what they share: a camera that stands square to the plate rounds a row of
-markers alike, and that radiates. So it is with the power, whose error is twice what the deflection
-errs by along its own sound. The best layout for the shape is begun with, and its cameras are moved
-by some degrees while that helps.
+The field's mean square error is ω²tr(QΣ) (:mod:`thesis_lib.acoustics.radiation`), so correlations
+between markers count as well as their variances: a camera square to the plate rounds a row of
+markers alike, and such errors radiate. The same holds for the power of a deflection w, whose
+relative error is 2 wᵀRe / wᵀRw for small errors e. The search starts from the best layout for the
+shape, and moves its cameras by some degrees while the error falls.
 """
 
 from collections.abc import Sequence
@@ -26,11 +26,11 @@ from thesis_lib.vision import rounding
 Sounds = Sequence[PlateSound]
 Goal = Literal["sound", "sound-plane", "sound-point", "sound-power"]
 
-# Finer steps would fit one grid of pixels, not how markers lie on it
+# Finer steps would fit one position of the pixel grid, not the arrangement of markers
 SOUND_STEPS_RAD = np.radians([8, 4, 2])
-# Turns of the whole layout, over which costs are averaged
+# Rotations of the whole layout, over which costs are averaged
 AVERAGED_TURNS_RAD = np.radians([-0.5, 0, 0.5])
-_MIN_IMPROVEMENT = 1e-3  # relative: what helps less is left alone
+_MIN_IMPROVEMENT = 1e-3  # relative: smaller improvements are ignored
 _MAX_ROUNDS = 4
 _SEARCH_DIRECTIONS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b])
 
@@ -48,8 +48,8 @@ def sounds_of(
     Raises
     ------
     PydanticCustomError
-        If a mode is silent where it counts, or too high for the plate's pistons; or if the point is
-        nearer than their size, where a sum of pistons is no field.
+        If a mode is silent for the goal, or too high for the plate's pistons; or if the point is
+        nearer than their size, where the sum over pistons does not hold.
     """
     plate = setups.thesis_plate()
     field = SoundPlanes.model_construct(grid=plate.grid)
@@ -80,7 +80,7 @@ def sounds_of(
 def _at_point(
     parts: radiation.Pistons, point: Array, medium: radiation.Medium, omega: float, reference: Array
 ) -> PlateSound:
-    """Compute the sound at one point (3,) in m; its pressure counts as a field does."""
+    """Compute the sound at one point (3,) in m, treated as a plane of one point."""
     row = radiation.transfer_pressure(parts, point, omega, medium)
     own, disordered = omega * np.abs(reference @ row), omega * np.linalg.norm(row * reference)
     largest = np.array([np.nan if own <= MAX_NODAL_PRESSURE_RATIO * disordered else own])
@@ -90,7 +90,7 @@ def _at_point(
 
 
 def _predict_modes(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> Array:
-    """Predict the modes' errors in %: of the power, or where the field's is largest."""
+    """Predict the modes' errors in %: of the power, or of the field on the worst plane."""
     pairs = zip(sounds, covariances, strict=True)
     if goal == "sound-power":
         return np.array([sound.expected_power_error(C) for sound, C in pairs])
@@ -100,10 +100,10 @@ def _predict_modes(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> 
 def average_sound_error(
     sounds: Sounds, scene: positions.Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
-    """Average the sound errors of modes in % over amplitudes and small turns of the layout.
+    """Average the sound errors of modes in % over amplitudes and small rotations of the layout.
 
-    Over amplitudes both images of a marker are rounded independently, and which markers are
-    rounded alike is taken from how they lie at rest.
+    Averaged over amplitudes, both images of a marker are rounded independently; correlations
+    between markers are computed from their rest positions.
     """
     squares, rest = [], scene.body.points
     for turn in AVERAGED_TURNS_RAD:
@@ -116,7 +116,7 @@ def average_sound_error(
 def predict_sound_errors(
     sounds: Sounds, scene: positions.Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
-    """Return errors of the modes' sound in % by the law of rounding, at the amplitude asked for."""
+    """Return sound errors of the modes in % by the law of rounding, at the requested amplitude."""
     P, rest = positions.place_cameras(scene, layout, width).P, scene.body.points
     moved = np.moveaxis(scene.body.deflected(scene.peaks), 1, 0)
     covariances = [rounding.deflection_covariance(P, rest, one) for one in moved]
@@ -126,13 +126,13 @@ def predict_sound_errors(
 def simulate_sound_errors(
     sounds: Sounds, wrong: Array, goal: Goal = "sound"
 ) -> tuple[Array, Array]:
-    """Return errors of the sound of drawn deflection errors (modes, trials, markers) in m, in %.
+    """Return the sound errors in % of drawn deflection errors (modes, trials, markers) in m.
 
     Returns
     -------
     tuple of ndarray
-        Rms over the trials, of two planes on the worse, (modes,), and the quantiles 5 and 95 % of
-        its size, (2, modes).
+        Rms over the trials, on the worst plane, (modes,), and the 5 and 95 % quantiles of its
+        absolute value, (2, modes).
     """
     rms, band = [], []
     for sound, error in zip(sounds, wrong, strict=True):
@@ -149,10 +149,10 @@ def simulate_sound_errors(
 def move_cameras(
     sounds: Sounds, scene: positions.Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
-    """Move the cameras, one by one, by ever smaller steps while the sound gains.
+    """Move the cameras, one by one, in decreasing steps while the sound error falls.
 
-    A camera goes to one of the eight directions about its own, as near as it sees enough there.
-    The layout itself is given back where the law, at the amplitude asked for, is no better after.
+    A camera moves to one of the eight directions about its own, as near as it sees enough markers.
+    The original layout is returned if the error predicted at the requested amplitude does not fall.
     """
     asked, rules, found = (width, goal), scene.rules, layout
     best = float(average_sound_error(sounds, scene, found, *asked).max())

@@ -1,7 +1,7 @@
 """A structure from a file: markers with normals, mode shapes and frequencies, as netCDF.
 
 The page *The planner* lists its variables, with dimensions ``point`` and ``mode`` as xarray writes
-them. Anything else in the file is left alone. The peak of a mode is its largest deflection in it.
+them. Other variables are ignored. The peak of a mode is its largest deflection in the file.
 """
 
 from collections.abc import Sequence
@@ -23,24 +23,24 @@ NEEDED_FIELDS = dict.fromkeys("xyz", ("point",)) | {
 }
 NORMAL_COLUMNS = ("nx", "ny", "nz")
 MAX_POINTS = 1000
-MAX_SIZE_M = 100.0  # m, as far as cameras may stand
+MAX_SIZE_M = 100.0  # the largest distance of cameras
 MARKERS_ONLY = "the markers, not all nodes of a mesh"
 NEEDED_FILE = "a netCDF file with x, y, z, shape and frequency"
 
 
 class MeshError(request.ParameterError):
-    """A structure file that is not one; the message is one line."""
+    """An invalid structure file; the message is one line."""
 
 
 def read_body(path: Path, modes: Sequence[int]) -> Body:
-    """Return the modes wanted of the structure in a file.
+    """Read the structure in a file, with the requested modes.
 
     Raises
     ------
     MeshError
-        In one line: the file, and what is needed in it.
+        With one line that names the file and what it needs.
     """
-    if has_hidden(path.name):  # the plan is named for it
+    if has_hidden(path.name):  # the plan is named after it
         raise MeshError(f"--structure: given {path.name!r}, allowed: a visible name")
     mesh = _open_table(path)
     has_normals = any(name in mesh.variables for name in NORMAL_COLUMNS)
@@ -53,7 +53,7 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     length = np.linalg.norm(normals, axis=0)
     shapes, hertz = values["shape"], values["frequency"]
     given = mesh["mode"].values
-    if "mode" not in mesh.variables:  # then these are 0, 1, …
+    if "mode" not in mesh.variables:  # then xarray counts 0, 1, …
         given = given + 1
     for is_wrong, needed in (
         (points.shape[1] > MAX_POINTS, f"at most {MAX_POINTS} points: {MARKERS_ONLY}"),
@@ -93,13 +93,13 @@ def _open_table(path: Path) -> xr.Dataset:
             return mesh.load()
     except MeshError:
         raise
-    except Exception as error:  # the netCDF and HDF libraries raise what they like
+    except Exception as error:  # the netCDF and HDF libraries raise many types
         raise _refusal(path, f"{NEEDED_FILE} ({type(error).__name__})") from None
 
 
 def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> Array:
     values = np.array([])
-    with suppress(KeyError, ValueError):  # none, or of other dimensions
+    with suppress(KeyError, ValueError):  # missing, or of other dimensions
         if mesh[name].dtype.kind in "fiu":
             values = mesh[name].transpose(*dims).values.astype(float)
     if not (values.size and np.all(np.isfinite(values))):
@@ -108,7 +108,7 @@ def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> A
 
 
 def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
-    """Return the markers and mode shapes.
+    """Return the markers and mode shapes of a structure.
 
     Parameters
     ----------
@@ -134,6 +134,6 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
 
 
 def write_modes(structure: Structure, modes: Sequence[int], path: Path) -> Path:
-    """Write :func:`modes_of` to a netCDF file, whole or not at all; returns the file."""
+    """Write :func:`modes_of` to a netCDF file, atomically, and return its path."""
     storage.write_netcdf(modes_of(structure, modes), Path(path))
     return Path(path)

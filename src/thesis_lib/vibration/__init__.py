@@ -1,7 +1,7 @@
 """Beams, plates and panels: frequencies, shapes, response, motion.
 
-To start from: a structure (:class:`.Beam`, :class:`.Plate`, :class:`.Panel`), how it moves in a
-mode (:func:`.deflection_shape`), and where its points are then (:func:`.world_points`).
+Start with a structure (:class:`.Beam`, :class:`.Plate`, :class:`.Panel`), its deflection in a mode
+(:func:`.deflection_shape`), and the resulting marker positions (:func:`.world_points`).
 """
 
 from __future__ import annotations
@@ -31,5 +31,5 @@ __all__ = ["Beam", "Component", "Motion", "Panel", "Plate", "Structure", "deflec
 
 
 def __getattr__(name: str) -> Any:
-    """Import a panel when it is asked for: it needs SciPy, which the others do not."""
+    """Import `Panel` on first use: it needs SciPy, which the others do not."""
     return load_name(__name__, {"panel": "Panel"}, name)

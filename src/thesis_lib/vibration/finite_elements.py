@@ -1,6 +1,6 @@
 """Natural frequencies and modes of thin plates of any shape, by finite elements.
 
-Kirchhoff's plate of stiffness D and mass m per area vibrates in the functions w that make
+The mode shapes w of a Kirchhoff plate of stiffness D and mass m per area satisfy
 
     ∫ ν Δw Δv + (1 − ν) ∇∇w : ∇∇v dA = λ ∫ w v dA,    ω = √(λ D / m)
 
@@ -35,7 +35,7 @@ class PlateModes:
 
     basis: Any  #: Morley's elements on the plate's triangles
     eigenvalues: Array  #: λ = ω² m / D in m⁻⁴, ascending, shape (modes,)
-    #: Of shapes whose mean square over the plate is 1, shape (coefficients, modes)
+    #: Coefficients of shapes with a mean square of 1 over the plate, shape (coefficients, modes)
     coefficients: Array
 
     @property
@@ -56,9 +56,9 @@ class PlateModes:
 
 
 def locate_points(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
-    """Find the triangle that each point is in, and the weights of its corners there.
+    """Find the triangle that contains each point, and the point's barycentric coordinates.
 
-    Triangles around are tried, nearest centres first, as far as needed. A point that round-off puts
+    Triangles are tried in the order of the distance of their centres. A point that round-off puts
     outside of all, by less than a billionth of a triangle, is moved to the side of one.
 
     Parameters
@@ -113,7 +113,7 @@ def plate_modes(
     poisson : float
         Poisson's ratio ν.
     n_modes : int
-        How many modes.
+        Number of modes.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def plate_modes(
         raise ValueError(f"n_modes: given {n_modes}, allowed: {allowed}")
     M = inertia.assemble(basis)
     Mc = condense(M, I=inner, expand=False)
-    start = np.ones(len(inner))  # the same every time, for the same result
+    start = np.ones(len(inner))  # always the same, for reproducible results
     compliance = _compliance_operator(_strain_matrix(basis, poisson)[:, inner])
     values, vectors = eigsh(Mc, n_modes, Mc, sigma=0, OPinv=compliance, v0=start)
     order = np.argsort(values)
@@ -179,11 +179,11 @@ def _strain_matrix(basis: Any, poisson: float) -> csc_array:
 
 
 def _compliance_operator(B: csc_array) -> LinearOperator:
-    """Return the inverse of the stiffness BᵀB, as exact as B.
+    """Return the inverse of the stiffness BᵀB, as accurate as B allows.
 
-    The square of B has a condition number that is squared, too: where elements are small beside the
-    plate, the factors of BᵀB give 7 digits, other ones on another processor. What they leave of the
-    equation is found without the square, and solved for again.
+    BᵀB squares the condition number of B: for small elements its factors give 7 digits, which
+    differ between processors. Iterative refinement corrects this, with residuals computed from B
+    instead of BᵀB.
     """
     from scipy.sparse.linalg import LinearOperator, splu
 

@@ -1,4 +1,4 @@
-"""Morley's element: a quadratic on a triangle, by its corners' values and its sides' slopes.
+"""Morley's element: a quadratic on a triangle, from values at corners and slopes across sides.
 
 With barycentric coordinates λ_k, their gradients g_k and b_k = λ_k (λ_k − 1), which is 0 at all
 corners and has a slope across the middle of side k (opposite to corner k) alone, the shapes are
@@ -18,7 +18,7 @@ from skfem.element import DiscreteField
 
 from thesis_lib.arrays import Array, IntArray
 
-# Corners of each side, in scikit-fem's order, and as one walks around
+# Corners of each side: sides in scikit-fem's order, corners in cyclic order
 SIDE_CORNERS = ((0, 1), (1, 2), (2, 0))
 OPPOSITE_CORNERS = (2, 0, 1)
 
@@ -31,9 +31,9 @@ class Morley(ElementTriMorley):  # type: ignore[misc]
     ) -> tuple[DiscreteField]:
         """Return shape function `i` (0 to 2 corners, 3 to 5 sides) and its second derivatives.
 
-        At places `X` of the reference triangle, shape (2, points) or (2, triangles, points), of the
-        triangles `tind`, by default all: values (triangles, points), `hess`
-        (2, 2, triangles, points).
+        They are evaluated at points `X` of the reference triangle, shape (2, points) or
+        (2, triangles, points), for the triangles `tind`, by default all: values
+        (triangles, points), `hess` (2, 2, triangles, points).
         """
         mesh = mapping.mesh
         corners = mesh.t if tind is None else mesh.t[:, tind]
@@ -47,7 +47,7 @@ class Morley(ElementTriMorley):  # type: ignore[misc]
             shares = np.sum(g[i] * g, axis=1) / squares  # (3, triangles)
         else:
             (start, end), side = SIDE_CORNERS[i - 3], OPPOSITE_CORNERS[i - 3]
-            # for both triangles alike to the right of who walks to the corner of higher number
+            # the same in both triangles: to the right on the way to the corner of higher number
             outward = np.sign(corners[end] - corners[start]) * np.sign(ux * vy - uy * vx)
             shares = np.zeros_like(squares)
             shares[side] = outward / np.sqrt(squares[side])

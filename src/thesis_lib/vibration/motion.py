@@ -1,6 +1,6 @@
-"""How a structure moves while it is filmed: components and their sum, and what frames show of them.
+"""Motion of a structure during a recording: harmonic components, their sum, and their aliases.
 
-Frames at a rate r cannot tell a frequency f from |f − kr|, k = 1, 2 …, and mirror it where it lies
+Frames at a rate r cannot distinguish a frequency f from |f − kr|, k = 1, 2 …, and fold it if it is
 above half of the rate.
 """
 
@@ -33,7 +33,7 @@ class Component:
             return turn * (2 * y / width - 1)
         peak = structure.shape_peak(self.mode)
         shape: Array = structure.mode_shapes([self.mode], [x, y])[0] / peak
-        # The beam's modes are taken upward at the tip, whatever sign eq. 3.4 gives them there.
+        # The beam's modes are upward at the tip, regardless of their sign in eq. 3.4.
         return shape * (-1) ** (self.mode + 1) if isinstance(structure, Beam) else shape
 
 
@@ -41,7 +41,7 @@ class Component:
 class Motion:
     """A structure at rest that starts to vibrate and reaches a steady state."""
 
-    structure: Structure  #: What moves, a beam or a plate
+    structure: Structure  #: Beam or plate
     components: tuple[Component, ...] = (Component(),)  #: Bending and torsion in any mix
     start: float = 1.25  #: Time of the first motion, s
     #: Time from there to the steady state, s; the envelope is a polynomial of degree 7, so that the
@@ -67,10 +67,10 @@ class Motion:
         return np.tensordot(self.coordinates(times), self.shapes(points), axes=(0, 0))
 
     def force(self, times: ArrayLike) -> Array:
-        """Return the force in N of the shaker that makes the bending components move as they do.
+        """Return the shaker force in N that produces the bending components.
 
         One-mode inverse dynamics, F φ(x_F) = m (q̈ + 2ξωₙ q̇ + ωₙ² q), with the natural frequency
-        that puts the displacement resonance at the component's frequency; torsion takes none, as
+        that puts the displacement resonance at the component's frequency; torsion needs none, as
         the force acts on the axis.
         """
         t = np.asarray(times, float)
@@ -103,7 +103,7 @@ class Motion:
 
 
 def steady_amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> ComplexArray:
-    """Return the steady state's amplitudes at a frequency, complex, m, time factor e^{+jωt}."""
+    """Return complex steady-state amplitudes in m at a frequency, time factor e^{+jωt}."""
     total = np.zeros(np.shape(np.asarray(points, float)[0]), complex)
     for part in motion.components:
         if np.isclose(part.frequency, frequency):
@@ -113,11 +113,11 @@ def steady_amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> Co
     return total
 
 
-TRIALS_PER_LINE = 8  # trial frequencies in one over the length of the recording
+TRIALS_PER_LINE = 8  # trial frequencies per 1/T, T being the length of the recording
 
 
 def fold_frequency(frequency: ArrayLike, rate: ArrayLike) -> Array:
-    """Return the frequency in Hz at which another appears below half of the frame rate.
+    """Return the alias in Hz of a frequency, between 0 and half of the frame rate.
 
     Examples
     --------
@@ -129,17 +129,17 @@ def fold_frequency(frequency: ArrayLike, rate: ArrayLike) -> Array:
 
 
 def list_aliases(alias_hz: float, rate: float, highest_hz: float) -> Array:
-    """List the frequencies in Hz, up to a highest, that frames at a rate show alike."""
+    """List the frequencies in Hz, up to a highest, that appear at `alias_hz` at a frame rate."""
     k = np.arange(int(np.ceil(highest_hz / rate)) + 1)
     every = np.unique(np.abs(np.concatenate([alias_hz + k * rate, alias_hz - k * rate])))
     return every[every <= highest_hz]
 
 
 def alias_clearance(frequency: float, rate: float, frames: int) -> float:
-    """Return by how many periods an alias stays away from 0 and half of the rate.
+    """Return the distance of an alias from 0 and half of the rate, in periods per recording.
 
-    Below a half, frames hardly tell the vibration's two parts, in phase and in quadrature, from
-    each other or from rest.
+    Below a half, the vibration's in-phase and quadrature parts can hardly be separated from each
+    other or from the rest position.
     """
     shown = float(fold_frequency(frequency, rate))
     return min(shown, rate / 2 - shown) * frames / rate
@@ -152,9 +152,9 @@ def scan_frequencies(rate: float, frames: int) -> Array:
 
 
 def detuning_loss(cycles: ArrayLike, frames: int) -> Array:
-    """Return the share of an amplitude lost by a frequency wrong by cycles per recording.
+    """Return the share of an amplitude lost by a frequency error in cycles per recording.
 
-    The mean of e^{2πjcn/N} over N frames, one less its modulus; near 1 − sinc(c).
+    It is one minus the modulus of the mean of e^{2πjcn/N} over N frames, near 1 − sinc(c).
     """
     c = np.asarray(cycles, float)
     n = np.arange(frames) - (frames - 1) / 2

@@ -1,8 +1,8 @@
 """Thin plates of any outline, with holes: a :class:`~thesis_lib.vibration.structure.Structure`.
 
 Beam and rectangle have closed forms; a panel's frequencies and shapes come from finite elements
-(:mod:`thesis_lib.vibration.finite_elements`). Its frame begins at the lower left corner of the box
-around it.
+(:mod:`thesis_lib.vibration.finite_elements`). The origin of its frame is the lower left corner of
+the box around it.
 """
 
 import math
@@ -17,8 +17,8 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vibration import finite_elements, polygons, structure
 
-MODES_PER_BATCH = 10  # modes found at a time
-ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it
+MODES_PER_BATCH = 10  # modes computed at a time
+ON_EDGE = 1e-9  # share of the box's longer side: a point nearer than this to an edge is on it
 
 
 @dataclass(frozen=True)
@@ -28,22 +28,22 @@ class Panel(structure.Sheet):
     Raises
     ------
     ShapeError
-        In one line, if any of these does not make a panel that can be computed.
+        If a parameter is invalid or the panel cannot be meshed; the message is one line.
     """
 
     outline: tuple[polygons.Point, ...]  #: Corners in m; the box around them begins at (0, 0)
-    #: Of each edge, from the corner of its number to the next: ``simply supported``, ``clamped`` or
-    #: ``free``
+    #: Support of each edge, from the corner of its number to the next: ``simply supported``,
+    #: ``clamped`` or ``free``
     supports: tuple[str, ...]
-    holes: tuple[polygons.Hole, ...]  #: What is cut out, round or with corners; its edges are free
+    holes: tuple[polygons.Hole, ...]  #: Round or polygonal holes; their edges are free
     thickness: float  #: In m
     density: float  #: In kg/m³
     youngs_modulus: float  #: In Pa
     poisson: float  #: Poisson's ratio
     damping: float  #: Modal damping ratio ξ, equal for all modes
     force_position: polygons.Point  #: Where the point force acts, x and y in m
-    #: The box is divided into so many cells along x and y; a cell whose centre is on the panel has
-    #: a marker there
+    #: Numbers of cells into which the box is divided along x and y; a cell whose centre is on the
+    #: panel has a marker there
     grid: tuple[int, int]
     element_size: float  #: Length of an element's side in m
 
@@ -160,11 +160,11 @@ def _compute_batch(panel: Panel, batches: int) -> finite_elements.PlateModes:
 
 
 def _find_modes(panel: Panel, n_modes: int) -> finite_elements.PlateModes:
-    """Compute at least so many modes, once."""
+    """Return at least the first `n_modes` modes, cached."""
     return _compute_batch(panel, math.ceil(n_modes / MODES_PER_BATCH))
 
 
-# What makes a panel.
+# Checks of a panel's parameters.
 
 
 def _check_polygon(name: str, polygon: Sequence[polygons.Point]) -> None:

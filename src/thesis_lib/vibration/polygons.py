@@ -1,6 +1,6 @@
-"""Polygons and round holes, and the triangles of a region between them.
+"""Polygons with polygonal or round holes, and their triangulation.
 
-For triangles boundaries are cut into pieces about as long as an element, a hexagonal grid fills the
+Boundaries are cut into pieces about as long as an element, a hexagonal grid of points fills the
 inside, and Delaunay's triangulation joins the points. A piece of the boundary becomes an edge of a
 triangle if the circle on it as diameter is empty, so points in such circles are left out. Small
 round holes are surrounded by rings of points whose distance grows with the radius; triangles around
@@ -39,12 +39,12 @@ Hole = Circle | tuple[Point, ...]
 
 
 class ShapeError(ValueError):
-    """A shape that cannot be computed, in one line.
+    """An invalid shape; the message is one line.
 
     Parameters
     ----------
     what : str
-        Which of its parameters is wrong.
+        Name of the invalid parameter.
     given : object
         Its value.
     allowed : str
@@ -65,8 +65,8 @@ def polygon_area(polygon: ArrayLike) -> float:
 def clip_polygon(polygon: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
     """Return the part of a polygon (corners, 2) in a box between two corners (2,), as a polygon.
 
-    I. E. Sutherland and G. W. Hodgman, Commun. ACM 17 (1974): parts that lie apart are joined by
-    edges of no width. No corners are left of a polygon outside.
+    I. E. Sutherland and G. W. Hodgman, Commun. ACM 17 (1974): separate parts are joined by edges
+    of zero width. The result has no corners for a polygon outside the box.
     """
     found = np.asarray(polygon, float)
     for (sign, limits), axis in product(((1, low), (-1, high)), range(2)):
@@ -85,7 +85,7 @@ def clip_polygon(polygon: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
 def polygon_moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
     """Return area, centroid (2,) and variances (2,) of a polygon (corners, 2) about it.
 
-    Without an area, the others are 0.
+    If the area is 0, so are centroid and variances.
     """
     start = np.asarray(polygon, float).reshape(-1, 2)
     end = np.roll(start, -1, axis=0)
@@ -103,7 +103,7 @@ def polygon_contains(polygon: ArrayLike, points: Array, cutouts: Sequence[ArrayL
 
     Points on an edge do not.
     """
-    import shapely  # takes longer than all else that is imported here
+    import shapely  # takes longer than all other imports of this module
 
     return shapely.contains_xy(shapely.Polygon(polygon, cutouts), *points)
 
@@ -123,15 +123,15 @@ def polygon_edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
     return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
 
 
-MIN_GAP_RATIO = 1e-9  # least gap over a boundary's length or radius; less comes from rounding
+MIN_GAP_RATIO = 1e-9  # least gap over a boundary's length or radius; smaller ones are round-off
 
 
 def is_simple(polygon: Sequence[Point]) -> bool:
-    """Test whether no two edges of a polygon meet but neighbours at their common corner."""
+    """Test whether the edges of a polygon meet at the common corners of neighbours alone."""
     import shapely
 
     ring = shapely.LinearRing(polygon)
-    clear = ring.minimum_clearance > MIN_GAP_RATIO * ring.length  # of corners that differ
+    clear = ring.minimum_clearance > MIN_GAP_RATIO * ring.length  # of distinct corners
     return bool(clear and ring.is_simple) and len(set(polygon)) == len(polygon)
 
 
@@ -161,11 +161,11 @@ def _split_hole(hole: Hole) -> tuple[BaseGeometry, float]:
 
 MIN_CIRCLE_PIECES = 24  # least number of pieces of a circle
 MIN_BOUNDARY_RATIO = 0.6  # least distance of a grid point from the boundary, over the element size
-MIN_TRIANGLES, MAX_TRIANGLES = 200, 60_000  # triangles
+MIN_TRIANGLES, MAX_TRIANGLES = 200, 60_000
 
 
 def divide_hole(hole: Hole, size: float) -> Array:
-    """Divide a hole's boundary into pieces about `size` long; their corners, (pieces, 2)."""
+    """Divide a hole's boundary into pieces about `size` long; return corners (pieces, 2)."""
     if not isinstance(hole, Circle):
         return _cut_polygon(hole, size)
     count = max(MIN_CIRCLE_PIECES, int(np.ceil(2 * np.pi * hole.radius / size)))
@@ -184,7 +184,7 @@ def _cut_polygon(polygon: Sequence[Point], size: float) -> Array:
 
 
 def _ring_points(circle: Circle, count: int, size: float) -> list[Array]:
-    """Return rings of points around a small hole, as far apart as points, up to `size`."""
+    """Return rings of points around a small hole, with a spacing that grows up to `size`."""
     rings, radius, turned = [], circle.radius, 0.0
     while (step := 2 * np.pi * radius / count * np.sqrt(3) / 2) < 0.75 * size:
         radius, turned = radius + step, turned + np.pi / count
@@ -204,7 +204,7 @@ def triangulate_polygon(
     outline : sequence of (x, y)
         Corners in m.
     holes : sequence of Circle or sequence of (x, y)
-        What is cut out.
+        Holes in it.
     size : float
         Length of an element's side in m.
 
@@ -234,7 +234,7 @@ def triangulate_polygon(
     corners = corners[polygon_contains(loops[0], points[:, corners].mean(axis=2), loops[1:])]
     twice = _twice_areas(points, corners)
     real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
-    corners = np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]  # all in one sense
+    corners = np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]  # all anticlockwise
     used, corners = np.unique(corners, return_inverse=True)
     points, corners = points[:, used], corners.reshape(-1, 3).T.astype(np.int64)
     sides = np.sort(np.concatenate([corners[[0, 1]], corners[[1, 2]], corners[[2, 0]]], axis=1), 0)
@@ -294,7 +294,7 @@ def _place_points(
 
 
 def _keep_free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: float) -> Array:
-    """Return those of points (2, n) in the region that are at least `gap` from its boundaries."""
+    """Return the points (2, n) in the region that are farther than `gap` from its boundaries."""
     kept = polygon_contains(outline, points) & np.all(edge_distances(outline, points) > gap, axis=0)
     for hole in holes:
         if isinstance(hole, Circle):

@@ -6,7 +6,7 @@ along the length and y across, in metres. Shapes are real and normalised so that
 square over the structure is one, which makes the modal mass equal to the mass.
 
 Two structures have closed forms: an Euler-Bernoulli beam and a simply supported Kirchhoff plate. A
-force beside the beam's axis turns it, too. Saint-Venant's torsion of a strip, GJ θ'' = ρI_p θ̈
+force off the beam's axis also twists it. Saint-Venant's torsion of a strip, GJ θ'' = ρI_p θ̈
 between the clamp and the free end, has the shapes sin((2n − 1)πx / 2L) and the natural frequencies
 ωₙ = (2n − 1)π / (2L) √(GJ / ρI_p).
 """
@@ -38,7 +38,7 @@ class Structure(Protocol):
 
     @property
     def force_point(self) -> Array:
-        """Return the force's point, shape (2, 1), in m."""
+        """Return the position of the force, shape (2, 1), in m."""
 
     @property
     def markers(self) -> Array:
@@ -58,7 +58,7 @@ class Structure(Protocol):
 
 
 def mode_numbers(modes: Sequence[int]) -> IntArray:
-    """Return the mode numbers as an array, refused unless they begin with 1."""
+    """Return the mode numbers as an array; raise ValueError for numbers below 1."""
     numbers = np.asarray(modes, np.int64)
     if numbers.min() < 1:
         raise ValueError(f"modes: given {list(modes)}, needs numbers from 1")
@@ -154,7 +154,7 @@ def deflection_shape(structure: Structure, mode: int, points: ArrayLike, peak: f
     points : array_like, shape (2, ...)
         Positions in m.
     peak : float
-        Largest |w| over the structure in m; :func:`peak_deflection` is that for a force.
+        Largest |w| over the structure in m; :func:`peak_deflection` computes it for a force.
 
     Returns
     -------
@@ -172,8 +172,8 @@ def modal_overlap(structure: Structure, omega: ArrayLike) -> Array:
 def single_mode_distance(structure: Structure, mode: int, n_modes: int = 200) -> float:
     """Return the deviation of one mode alone from the full modal sum at its resonance.
 
-    Largest |w_full − w_single| over a grid on the structure, over the largest |w_single|; sections
-    3.1 and 4.1 of the thesis take it to be small.
+    It is the largest |w_full − w_single| on a grid over the structure, divided by the largest
+    |w_single|; sections 3.1 and 4.1 of the thesis assume that it is small.
     """
     length, width = structure.extent
     points = np.stack(np.meshgrid(np.linspace(0, length, 121), np.linspace(0, width, 41)))
@@ -241,7 +241,7 @@ class Beam:
         return k**2 * np.sqrt(self.bending_stiffness * self.length / self.mass)
 
     def modal_density(self, omega: ArrayLike) -> Array:
-        """Return modes per rad/s, L/(2π) (ρA/EI)^¼ ω^-½, the same for any supports at high ω."""
+        """Return modes per rad/s, L/(2π) (ρA/EI)^¼ ω^-½, for any supports at high ω."""
         stiffness = self.bending_stiffness * self.length / self.mass
         return self.length / (2 * np.pi) * stiffness**-0.25 / np.sqrt(np.asarray(omega, float))
 
@@ -250,10 +250,10 @@ class Beam:
         return 2.0
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike, derivative: int = 0) -> Array:
-        """Return the mode shapes of eq. 3.4 with its sign put right, or their derivatives.
+        """Return the mode shapes of eq. 3.4 with its sign corrected, or their derivatives.
 
         φ = cosh kx − cos kx − σ (sinh kx − sin kx) is evaluated with the growing exponential
-        scaled to the free end, so that nothing cancels however high the mode.
+        scaled to the free end, so that no digits cancel even for high modes.
 
         Parameters
         ----------
@@ -335,10 +335,10 @@ def torsional_frequency(beam: Beam, mode: int | IntArray) -> Array:
 
 
 def tip_twist(beam: Beam, aside: float, omega: float, modes: int = 1) -> float:
-    """Return the deflection in m of the tip's edges by a force of 1 N `aside` of the axis, in m.
+    """Return the deflection in m of the tip's edges by a force of 1 N, `aside` (m) off the axis.
 
     The harmonic force, at the angular frequency `omega` in rad/s, acts at the beam's force point;
-    so many torsional `modes` are summed.
+    the first `modes` torsional modes are summed.
     """
     n = np.arange(1, modes + 1)
     wn = torsional_frequency(beam, n)
@@ -380,7 +380,7 @@ class Sheet:
         raise NotImplementedError
 
     def modal_density(self, omega: ArrayLike) -> Array:
-        """Return the modes per rad/s, S/(4π) √(m/D): of a panel those at high frequency."""
+        """Return the modes per rad/s, S/(4π) √(m/D); for a panel the limit at high frequency."""
         density = self.area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
         return np.full_like(np.asarray(omega, float), density)
 
@@ -398,7 +398,7 @@ class Plate(Sheet):
     poisson: float  #: Poisson's ratio
     damping: float  #: Modal damping ratio ξ, equal for all modes
     force_position: tuple[float, float]  #: Where the point force acts, x and y in m
-    grid: tuple[int, int]  #: Markers along x and y: the centres of so many equal cells
+    grid: tuple[int, int]  #: Markers along x and y: the centres of equal cells
 
     @property
     def area(self) -> float:
@@ -423,8 +423,7 @@ class Plate(Sheet):
     def mode_indices(self, n_modes: int) -> IntArray:
         """Return index pairs (m₁, m₂) of the first modes in order of frequency, shape (n_modes, 2).
 
-        The order is that of the natural frequencies; the thesis's Table 4.2 departs from it from
-        its fourth mode on.
+        Table 4.2 of the thesis departs from this order from its fourth mode on.
         """
         if n_modes < 1:
             raise ValueError(f"n_modes: given {n_modes}, needs 1 or more")
@@ -449,6 +448,6 @@ class Plate(Sheet):
 
 @lru_cache
 def _plate_indices(aspect: float, n_modes: int) -> tuple[tuple[int, int], ...]:
-    # A mode among the first n has m₁ m₂ ≤ n: the modes below it fill the rectangle to it.
+    # A mode among the first n has m₁ m₂ ≤ n: no pair with smaller or equal indices has a higher ω.
     pairs = [(m1, m2) for m1 in range(1, n_modes + 1) for m2 in range(1, n_modes // m1 + 1)]
     return tuple(sorted(pairs, key=lambda m: ((m[0] / aspect) ** 2 + m[1] ** 2, m))[:n_modes])

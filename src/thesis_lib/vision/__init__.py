@@ -1,7 +1,7 @@
-"""Cameras, lenses, pixels; points from images, and how exact they are.
+"""Camera models, pixels, triangulation, and the accuracy of triangulated points.
 
-To start from: cameras (:func:`.hemisphere_cameras`, or real ones: :class:`.Camera`), what they see
-(:func:`~.pinhole.project`, :func:`.pixelate`), points from their images (:func:`.triangulate`, or
+Start with cameras (:func:`.hemisphere_cameras`, or real ones: :class:`.Camera`), their images
+(:func:`~.pinhole.project`, :func:`.pixelate`), points from images (:func:`.triangulate`, or
 :func:`.interval_estimate` for rounded ones), deflections from whole pixels
 (:func:`.measure_deflections`), and the law of rounding (:func:`~.rounding.deflection_variance`,
 :func:`.deflection_covariance`).

@@ -1,19 +1,19 @@
-"""Points from whole pixels by the analytic centre of all that could have been seen.
+"""Points from whole pixels: the analytic centre of the polytope that the pixels allow.
 
 A coordinate that was rounded to m bounds the point to a slab, m − ½ ≤ u ≤ m + ½. In front of the
 camera both faces are linear in the point: with p_k the rows of P and X homogeneous,
 
     s_lo = (p₁ − (m − ½) p₃) X ≥ 0,    s_hi = ((m + ½) p₃ − p₁) X ≥ 0.
 
-All slabs together are a convex polytope. Least squares ignores it, and may leave it; here the
+All slabs together are a convex polytope. Least squares may give a point outside it; here the
 point is its analytic centre, arg max Σ log s, by Newton's method on all points at once. The start
 is the least-squares point: a slack that is too small there is widened by τe, and a step of length
-α leaves (1 − α) τ (infeasible-start Newton; Boyd and Vandenberghe, *Convex Optimization*, 10.3).
-The errors of N cameras fall as about 1/N, those of least squares as 1/√N. A camera that is listed
-twice leaves the polytope as it is, but pulls its centre twice.
+α reduces τ to (1 − α) τ (infeasible-start Newton; Boyd and Vandenberghe, *Convex Optimization*,
+10.3). With N cameras errors fall about as 1/N, those of least squares as 1/√N. A camera that is
+listed twice does not change the polytope, but counts twice in its centre.
 
-Several images of one marker that moves along the world's Z share x and y. Each adds its slabs, and
-one z: the Hessian is an arrow, solved by eliminating every z first.
+Several images of one marker that moves along the world's Z share x and y. Each adds its slabs and
+one z, so the Hessian is an arrowhead matrix, solved by eliminating every z first.
 
 Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 """
@@ -25,21 +25,21 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vision import triangulation
 
-# Camera × point values per block: intermediate results stay in a processor's own cache of 1 MB.
+# Camera × point values per block: intermediate results stay in the 1 MB cache of a processor core.
 _BLOCK_VALUES = 18000
-# Newton steps after which a polytope counts as empty: of 144,249 feasible ones all were done by 25.
+# Newton steps after which a polytope counts as empty: all of 144,249 feasible ones took at most 25.
 _MAX_STEPS = 30
-_MARGIN_RATIO = 0.1  # share of a slab that the start is away from its faces, or is made to be
-# Newton decrement below which the step is the last: its error is the square
+_MARGIN_RATIO = 0.1  # least distance of the start from a slab's faces over the slab's width
+# A step with a Newton decrement below this is the last: the error after it is about the square
 _MAX_CENTRED_DECREMENT = 1e-5
-# Share of points that are done before they are put aside: moving costs, too
+# Share of converged points at which they are taken out of the arrays: copying costs time, too
 _MIN_FINISHED_SHARE = 0.25
 _MAX_QUADRATIC_DECREMENT = 0.25  # Newton decrement below which full steps converge
 
 
 @dataclass(frozen=True)
 class Centres:
-    """Estimated points, and where their slabs had a common interior."""
+    """Estimated points, and whether their slabs have a common interior."""
 
     #: Analytic centres in m; least-squares points where the polytope is empty; NaN where an image
     #: is NaN, shape (3, ...)
@@ -48,9 +48,9 @@ class Centres:
 
 
 def analytic_centre(P: ArrayLike, uv: ArrayLike) -> Centres:
-    """Return the analytic centres of the polytopes that rounded images (cameras, 2, ...) leave.
+    """Return the analytic centres of the polytopes that rounded images (cameras, 2, ...) allow.
 
-    The same as :func:`joint_centre` for one frame of every point.
+    The result is that of :func:`joint_centre` for one frame of every point.
     """
     P, uv = triangulation.check_arrays(P, uv)
     found = joint_centre(P, uv[:, :, None])
@@ -98,7 +98,7 @@ def joint_centre(P: ArrayLike, uv: ArrayLike) -> Centres:
 
 
 class _Slabs:
-    """The fixed matrices of the barrier of some cameras.
+    """Constant matrices of the log-barrier function of a set of cameras.
 
     With α = 1/s_lo², β = 1/s_hi², a_k the first three entries of row k of P and lo, hi the faces,
     the Hessian of one coordinate is
@@ -130,7 +130,7 @@ class _Slabs:
     def newton(self, edges: Array, s: Array, wanted: Array) -> tuple[Array, Array]:
         """Return hessian (6, points) of −Σ log s, and Σ ∇s (2 − wanted/s)/s: the step's right side.
 
-        `wanted` is s without what it was widened by; where both are one this is ∇ Σ log s.
+        `wanted` is s without the widening; where both are equal, the right side is ∇ Σ log s.
         """
         inverse = 1 / s
         pull = wanted * inverse
@@ -156,10 +156,10 @@ class _Slabs:
         return self.hessian @ features, self.gradient @ right
 
     def centre(self, pixels: Array, points: Array, feasible: Mask) -> None:
-        """Overwrite points (3, frames, m) by the centres of pixels (cameras, 2, frames, m)."""
+        """Overwrite points (3, frames, m) with the centres for pixels (cameras, 2, frames, m)."""
         frames = points.shape[1]
         active = np.flatnonzero(np.isfinite(points).all(axis=(0, 1)))
-        x = points.take(active, axis=2)  # takes and compresses stay contiguous, indices do not
+        x = points.take(active, axis=2)  # take and compress stay contiguous, indexing does not
         x[:2] = x[:2].mean(axis=1, keepdims=True)
         uv = pixels.take(active, axis=3).reshape(len(pixels), 2, -1).swapaxes(0, 1) - self.middle
         edges = np.stack([uv - 0.5, uv + 0.5])
@@ -186,7 +186,7 @@ class _Slabs:
             x += length * step
             tau *= 1 - length
             done = inside & (decrement < _MAX_CENTRED_DECREMENT)
-            # Slacks of an empty polytope can drown in rounding.
+            # Slacks of an empty polytope can be lost in round-off.
             done &= _all_slacks(wanted > 0, frames)
             last = number == _MAX_STEPS - 1
             if last or np.count_nonzero(done) > _MIN_FINISHED_SHARE * len(done):
@@ -198,7 +198,7 @@ class _Slabs:
 
 
 def _all_slacks(holds: Mask, frames: int) -> Mask:
-    """Reduce conditions on slacks (2, 2, cameras, frames × m) to all of a marker's, (m,)."""
+    """Test whether a condition on slacks (2, 2, cameras, frames × m) holds for all of a marker."""
     each = np.all(holds, axis=(0, 1, 2))
     return np.asarray(np.all(each.reshape(frames, -1), axis=0), bool)
 

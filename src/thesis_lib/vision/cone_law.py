@@ -1,18 +1,18 @@
-"""Closed forms for placing cameras, at the centre that all of them look at.
+"""Closed-form errors of camera layouts, at the centre at which all cameras look.
 
-An image coordinate j that is wrong by σⱼ moves the refined point by gⱼ = ∂X/∂mⱼ times as much. With
-JᵀJ = (f/R)² Σ (I − e eᵀ), of cameras in unit directions e at distance R with a focal length of f
+An error σⱼ of the image coordinate j moves the refined point by gⱼ σⱼ, with gⱼ = ∂X/∂mⱼ. With
+JᵀJ = (f/R)² Σ (I − e eᵀ), for cameras in unit directions e at distance R with a focal length of f
 px, the response along the normal is
 
     pair at elevation φ, azimuths α apart:   g_v = R / (2 f cos φ),  g_u = ± tan φ cot(α/2) R / 2f,
     N cameras on a cone, θ from the normal:  g_v = R / (N f sin θ),  g_u = 0,
 
-and Var z = Σ gⱼ² σⱼ². What σⱼ is depends on what makes the error:
+and Var z = Σ gⱼ² σⱼ². The size of σⱼ depends on the source of the error:
 
 * *Independent noise* gives all coordinates the same σ, whether they move or not.
 * *Rounding* gives a coordinate that moves by δ px the variance f(1 − f), f = frac |δ|, of
   :mod:`thesis_lib.vision.rounding`: 1/6 px² averaged over amplitudes, and nothing if it does not
-  move. A deflection of the centre moves v alone. It is spared what u adds for a narrow pair.
+  move. A deflection of the centre moves v alone, so u adds no error to it, even for a narrow pair.
 
 The gains are those of the centre, so the forms hold for motions up to 1 % of the distance. There
 they are within 1 % of :func:`thesis_lib.vision.rounding.deflection_variance`, which has the gains
@@ -28,13 +28,13 @@ from thesis_lib.arrays import Array, ArrayLike, NDArray
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
 
 MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes
-# Angle of the cone on which all directions are alike
+# Cone angle at which the error is equal in all directions
 ISOTROPIC_ANGLE_RAD = np.arcsin(np.sqrt(2 / 3))
-# Largest motion that the closed forms are for, as a fraction of the distance: up to it they are
-# within 1 % of the law with the gains of the moved point, for pairs 5° to 85° high and 8° to 180°
-# wide.
+# Largest motion for which the closed forms hold, as a fraction of the distance: up to it they are
+# within 1 % of the law of rounding with the gains of the moved point, for pairs at elevations of
+# 5° to 85° and apertures of 8° to 180°.
 MAX_MOTION_FRACTION = 0.01
-_SERIES_TERMS = 400  # of the series of a rounding error
+_SERIES_TERMS = 400  # of the Fourier series of a rounding error
 
 
 def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
@@ -61,10 +61,10 @@ def cone_deflection_error(
     angle: ArrayLike,
     sigma_px: float = MOTION_PX,
 ) -> Array:
-    """Return R σ / (f √N sin θ), the standard deviation in m along the normal of a cone's centre.
+    """Return R σ / (f √N sin θ), the standard deviation in m along the normal at a cone's centre.
 
-    For independent noise, and for a rounded deflection, since u does not count: g_u = 0. N cameras,
-    2 or more, stand at an `angle` θ from the normal.
+    It holds for independent noise and for rounded deflections, as u does not contribute: g_u = 0.
+    N cameras, 2 or more, stand at an `angle` θ from the normal.
 
     Raises
     ------
@@ -85,15 +85,15 @@ def cone_covariance(
 
     Since Σ e eᵀ = N diag(½ sin²θ, ½ sin²θ, cos²θ) it is diagonal, with
     σ_x = σ_y = R σ / (f √(N (1 − ½ sin²θ))), σ_z = R σ / (f √N sin θ): equal at sin²θ = ⅔.
-    Of independent noise; of rounding, each axis for motions along it, on average over amplitudes:
-    a coordinate that such a motion does not move does not count for that axis either.
+    It holds for independent noise. For rounding, averaged over amplitudes, each variance is that
+    of a motion along its axis: coordinates that this motion does not move do not contribute.
 
     Raises
     ------
     ValueError
         If there are fewer than three cameras, which have no axis of symmetry.
     """
-    if n_cameras < 3:  # which have no axis of symmetry
+    if n_cameras < 3:
         raise ValueError(f"n_cameras: given {n_cameras}, allowed: 3 or more")
     sine2 = np.sin(angle) ** 2
     across = 1 - sine2 / 2
@@ -114,7 +114,7 @@ def pair_deflection_error(
     R / (f √2) · √(σ_v² / cos²φ + σ_u² tan²φ / tan²(α/2)), with the elevation φ, the difference α
     of the azimuths (`aperture`), and the standard deviations σ_v (`sigma_px`) and σ_u
     (`sideways_px`) of the image coordinates down and to the right. A rounded deflection of the
-    centre has σ_u = 0, which leaves R σ_v / (f √2 cos φ), whatever the aperture.
+    centre has σ_u = 0, which gives R σ_v / (f √2 cos φ), independent of the aperture.
     """
     upright = np.asarray(sigma_px, float) / np.cos(elevation)
     across = sideways_px * np.tan(elevation) / np.tan(np.asarray(aperture, float) / 2)
@@ -129,7 +129,7 @@ def pair_noise_error(
     elevation: ArrayLike,
     sigma_px: float = MOTION_PX,
 ) -> Array:
-    """Return the error of a pair with independent noise, alike in all coordinates, in m.
+    """Return the error in m of a pair with independent noise, equal in all coordinates.
 
     R σ / (f √2) · √(1 + tan²φ / sin²(α/2)); for opposite cameras R σ / (f √2 cos φ), as for
     rounding.
@@ -141,10 +141,10 @@ def pair_noise_error(
 def error_of_sum(positions_px: ArrayLike, weights: ArrayLike) -> Array:
     """Return the rms of weighted sums of rounding errors on one randomly shifted grid, shape (...).
 
-    The square root of wᵀ C w with the covariance C of
-    :func:`thesis_lib.vision.rounding.error_covariance`, as its Fourier series Σ |Σ_t w_t e^{2πik
-    x_t}|² / (2π²k²): n numbers at a time, not n². Exact coordinates x_t (..., n) are in px; weights
-    w_t (..., n), such as a row of the pseudo-inverse of a fit, give the result its unit.
+    It is the square root of wᵀ C w with the covariance C of
+    :func:`thesis_lib.vision.rounding.error_covariance`, from its Fourier series Σ |Σ_t w_t e^{2πik
+    x_t}|² / (2π²k²), which needs n numbers at a time, not n². Exact coordinates x_t (..., n) are in
+    px; weights w_t (..., n), such as a row of a fit's pseudo-inverse, give the result its unit.
     """
     turn = np.exp(2j * np.pi * np.asarray(positions_px, float))
     term = np.asarray(weights, float) * turn
@@ -158,14 +158,14 @@ def error_of_sum(positions_px: ArrayLike, weights: ArrayLike) -> Array:
 def equal_pixel_rate(
     pixels_per_second: float, n_cameras: ArrayLike, frame_rate: ArrayLike
 ) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
-    """Return the sensors 16:9 with which cameras share a number of pixels per second.
+    """Return the 16:9 sensors of cameras that share a number of pixels per second.
 
-    Sizes are whole pixels; the frame rate makes up for that, so that N W H r is the same for all.
+    Sizes are whole pixels; the frame rate compensates for that, so that N W H r is equal for all.
     For `n_cameras` at about a `frame_rate` each: width and height in px, and frames per second.
     """
     n = np.asarray(n_cameras, float)
     width = np.rint(np.sqrt(pixels_per_second * 16 / 9 / (n * np.asarray(frame_rate, float))))
     height = np.rint(width * 9 / 16)
-    with np.errstate(divide="ignore"):  # of a sensor without pixels, which callers refuse
+    with np.errstate(divide="ignore"):  # for a sensor without pixels, which callers refuse
         rate = pixels_per_second / (n * width * height)
     return width.astype(int), height.astype(int), rate

@@ -1,46 +1,46 @@
-"""Points from pixels that are noisy and rounded, by the mean of all that could have been seen.
+"""Points from noisy, rounded pixels: posterior means by expectation propagation.
 
 An image coordinate u with Gaussian noise of σ px was rounded to m: it lies in the interval m ± ½
 with the probability
 
     t(u) = Φ((m + ½ − u) / σ) − Φ((m − ½ − u) / σ),
 
-flat over the pixel for little noise, a Gaussian of variance σ² + 1/12 for much. The product of all
-t, with nothing known before, is the posterior of the point: without noise, even in the polytope of
-:mod:`thesis_lib.vision.analytic_centre`; with much, what least squares takes it for. Its maximum is
-a poor estimate (without noise all of the polytope is one), its mean has the least mean square of
-errors that any estimator has whose errors do not depend on where the point is.
+flat over the pixel for little noise, a Gaussian of variance σ² + 1/12 for much. With a flat prior,
+the product of all t is the posterior of the point: without noise it is uniform in the polytope of
+:mod:`thesis_lib.vision.analytic_centre`; with much noise it is the Gaussian of least squares. Its
+maximum is a poor estimate (without noise, the whole polytope). Its mean has the least mean square
+error of all estimators whose errors do not depend on the position of the point.
 
-Expectation propagation finds it (Minka 2001). To first order about the least-squares point u is
+Expectation propagation computes it (Minka 2001). To first order about the least-squares point u is
 linear in the point, u = J x, and each t is replaced by a Gaussian exp(−τ u²/2 + ν u), a site. All
 sites together have the precision Λ = Σ τ JᵀJ and the mean Λ⁻¹ Σ ν J. Without its own site a
-coordinate has some mean M and variance V. With Z(M, V) the mass that t has there,
+coordinate has a mean M and a variance V. With Z(M, V) the mass of t under this Gaussian,
 
     Z = Φ(β) − Φ(α),    α, β = (m ∓ ½ − M) / √(V + σ²),
     G = ∂ log Z / ∂M,    H = −∂² log Z / ∂M²,
 
-Z t has the mean M + V G and the variance V − V² H, and the site that gives the same is
+its product with t has the mean M + V G and the variance V − V² H. The site that gives the same is
 
     τ = H / (1 − V H),    ν = (G + M H) / (1 − V H).
 
-All sites at once, a few times, each time most of the way: t is log-concave, so 0 ≤ V H < 1.
+All sites are updated at once, a few times, with damping. As t is log-concave, 0 ≤ V H < 1.
 
-The noise must be known and the coordinates free of outliers. Told too little noise the mean is
-worse than least squares, told too much it gives away part of its gain, and an outlier sends the
-point back to least squares; the figure set ``design-law`` tabulates the cost (``mistaken_error``).
+The noise must be known and the coordinates free of outliers. With σ too small the mean is worse
+than least squares, with σ too large it loses part of its gain, and with an outlier the point is
+that of least squares; the figure set ``design-law`` tabulates the cost (``mistaken_error``).
 
-Several images of a marker that moves along the world's Z share x and y, as they do there: Λ is an
-arrow.
+Several images of a marker that moves along the world's Z share x and y, so Λ is an arrowhead
+matrix.
 
-On a grid whose place is random the pixel's middle is off by e, the sum of the noise and of the
-rounding, even over a pixel, whatever the coordinate. Its density p and the Fisher information are
+On a randomly placed grid the pixel's centre has the error e, the sum of the noise and of a rounding
+error that is uniform over a pixel. Its density p and the Fisher information are
 
     p(e) = Φ((e + ½) / σ) − Φ((e − ½) / σ),    I = ∫ p′² / p de  per px².
 
-Points cannot be had to less than (I JᵀJ)⁻¹, on average over the places of the grids and of the
-points (Cramér and Rao's bound, in van Trees' form for unknowns that are drawn). For σ from 0.3 px
-on it is what least squares reaches, (σ² + 1/12) (JᵀJ)⁻¹, within 2 %; for σ → 0 it goes to 0 as σ,
-and no estimator follows it: faces of pixels are then sharp, but few of them are near.
+The covariance of points, averaged over positions of the grids and the points, is at least
+(I JᵀJ)⁻¹ (Cramér–Rao bound, in van Trees' form for random unknowns). From σ = 0.3 px on, that of
+least squares, (σ² + 1/12) (JᵀJ)⁻¹, is within 2 % of it. For σ → 0 the bound goes to 0 as σ, and no
+estimator follows it: pixel faces are then sharp, but few of them are near the point.
 
 Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 """
@@ -52,40 +52,40 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vision import pinhole, triangulation
 
-LEAST_PX = 1e-3  # noise that is assumed at least: slabs have thin walls
+LEAST_PX = 1e-3  # least noise that is assumed: it gives the slabs walls of finite thickness
 _BLOCK_VALUES = 8000  # camera × point values per block: intermediate results stay in cache
 _MAX_SWEEPS = 5  # over all sites: the mean is then off by hundredths of its standard deviation
-_DAMPING_RATIO = 0.8  # share of the way to their new values that sites go
-_MIN_FREE_PRECISION = 1e-4  # least share of a coordinate's precision that is left without its site
-_MAX_SIGMAS = 8.0  # standard deviations from a face that is as good as infinitely far
+_DAMPING_RATIO = 0.8  # share of the change to its new value that a site makes in a sweep
+_MIN_FREE_PRECISION = 1e-4  # least precision of a coordinate without its site, over that with it
+_MAX_SIGMAS = 8.0  # standard deviations from which on a face counts as infinitely far
 _MAX_OUTSIDE_SIGMAS = 5.0  # σ that a coordinate may be outside of its pixel
 _ROOT_TWO_PI = (2 * np.pi) ** 0.5
-# How often entries of a triangle are in the matrix
+# How often each entry of the upper triangle occurs in the symmetric matrix
 _ENTRY_COUNTS = np.array([1, 2, 2, 1, 2, 1])[:, None]
 _FULL_INDICES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # a matrix from its upper triangle
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Means and covariances of points, and whether their pixels agree with each other."""
+    """Means and covariances of points, and whether their pixels are consistent."""
 
     #: Posterior means in m, shape (3, ...) or (3, frames, ...); NaN where an image is NaN
     points: Array
     covariance: Array  #: Posterior covariances in m², shape (3, 3, ...) or (3, 3, frames, ...)
-    #: Logarithm of ∫ ∏ t over the points, in m, shape (...): what tells one σ from another
+    #: Logarithm of ∫ ∏ t over the points, in m, shape (...): it ranks values of σ
     evidence: Array
-    #: Whether all coordinates are within their pixels and five σ, shape (...). Elsewhere, where σ
-    #: was taken too small or the cameras are not where they are thought to be, points are those of
-    #: least squares, with its covariance for rounding and σ.
+    #: Whether all coordinates are within five σ of their pixels, shape (...). Elsewhere, where σ
+    #: is too small or the cameras' poses are wrong, points are those of least squares, with its
+    #: covariance for rounding and σ.
     feasible: Mask
 
 
 def interval_estimate(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Posterior:
     """Return the posterior means of points whose noisy images were rounded to whole pixels.
 
-    Of `P` and `uv` as for :func:`thesis_lib.vision.analytic_centre.analytic_centre`, and the
-    standard deviation `sigma_px` of every image coordinate before it was rounded, in px; a
-    ValueError if that is negative or no number.
+    `P` and `uv` are as for :func:`thesis_lib.vision.analytic_centre.analytic_centre`. `sigma_px`
+    is the standard deviation of every image coordinate before rounding, in px; unless it is a
+    finite number from 0, a ValueError is raised.
     """
     P, uv = triangulation.check_arrays(P, uv)
     found = joint_interval(P, uv[:, :, None], sigma_px)
@@ -94,12 +94,12 @@ def interval_estimate(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Pos
 
 
 def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Posterior:
-    """Estimate markers that move along Z from several images: x and y are common.
+    """Estimate markers that move along Z from several images, with common x and y.
 
     `uv` is (cameras, 2, frames, ...), such as the pixels at rest and deflected; `points` are then
-    (3, frames, ...), `evidence` and `feasible` (...). Where pixels do not agree, points are
-    those of least squares of each image by itself, and covariances those of least squares with x
-    and y in common, which are smaller.
+    (3, frames, ...), `evidence` and `feasible` (...). Where pixels are inconsistent, points are
+    those of least squares of each image by itself, and covariances those of least squares with
+    common x and y, which are smaller.
     """
     P, uv = triangulation.check_frames(P, uv)
     if not 0 <= sigma_px < np.inf:
@@ -129,7 +129,7 @@ def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tup
     about[:2] = start[:2].mean(axis=1, keepdims=True)
     J = triangulation.image_jacobian(P, about.reshape(3, -1))
     J = J.reshape(-1, 3, frames * m).swapaxes(0, 1)
-    # of the pixels, from `about`
+    # pixel centres relative to the images of `about`
     middle = (pixels - pinhole.project(P, about)).reshape(J.shape[1:])
     squares = np.stack([J[i] * J[j] for i, j in zip(*triangulation.UPPER_INDICES, strict=True)])
     variance = max(sigma, LEAST_PX) ** 2
@@ -149,7 +149,7 @@ def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tup
         V = v / free
         M = (u - v * nu) / free
         log_mass, G, H = pixel_mass(middle - M, V + variance)
-        if sweep == _MAX_SWEEPS - 1:  # where sites have settled their last changes hardly matter
+        if sweep == _MAX_SWEEPS - 1:  # the last changes of converged sites hardly matter
             spent = nu * (V * nu + 2 * M) - tau * M * M
             sites = np.sum(log_mass - (np.log(free) + free * spent) / 2, axis=0)
             sites += np.sum(right * x, axis=0) / 2
@@ -165,11 +165,11 @@ def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tup
 
 
 def pixel_mass(distance: Array, variance: ArrayLike) -> tuple[Array, Array, Array]:
-    """Return log(Φ(β) − Φ(α)), G and H of pixels so far from the mean, in px.
+    """Return log(Φ(β) − Φ(α)), G and H of pixels at distances in px from the mean.
 
-    In units φ(α) of the nearer face, so that they hold however far out of the pixel the mean is.
+    They are computed in units of φ(α) of the nearer face, so they hold for means far outside, too.
     """
-    from scipy.special import erfcx  # the rest of the physics needs NumPy alone
+    from scipy.special import erfcx  # late import: other estimators need NumPy alone
 
     def mills_ratio(x: Array) -> Array:  # (1 − Φ(x)) / φ(x)
         return np.asarray(_ROOT_TWO_PI / 2 * erfcx(x / np.sqrt(2)))
@@ -191,8 +191,8 @@ def pixel_mass(distance: Array, variance: ArrayLike) -> tuple[Array, Array, Arra
 def _solve_sites(precision: Array, right: Array, frames: int) -> tuple[Array, Array, Array]:
     """Return means (3, frames × m), covariances (6, frames × m), log volumes (m,).
 
-    The matrix is an arrow: eliminating z of every frame leaves a 2×2 system for x and y, which all
-    frames share. The volume is ∫ exp(−½ xᵀΛx), √ det 2πΛ⁻¹.
+    Eliminating z of every frame from the arrowhead matrix leaves a 2×2 system for x and y, which
+    all frames share. The volume is ∫ exp(−½ xᵀΛx), √ det 2πΛ⁻¹.
     """
     xx, xy, xz, yy, yz, zz = precision.reshape(6, frames, -1)
     hx, hy, hz = right.reshape(3, frames, -1)
@@ -210,22 +210,22 @@ def _solve_sites(precision: Array, right: Array, frames: int) -> tuple[Array, Ar
     return np.stack(mean).reshape(3, -1), np.stack(shared).reshape(6, -1), volume
 
 
-MOST_PX = 1.0  # noise that is looked for
-_SIGMA_STEPS = 16  # of an integral over σ
+MOST_PX = 1.0  # largest noise that is searched
+_SIGMA_STEPS = 16  # steps of the integral per σ, or per half a pixel if that is less
 _REACH_SIGMAS = 10  # σ beyond a pixel's faces, where the integral ends
-# Fall of the logarithm of the likelihood at the ends of an interval of 95 %
+# Fall of the log-likelihood at the ends of a 95 % interval
 _LIKELIHOOD_FALL = 1.92
 
 
 def pixel_information(sigma_px: float) -> float:
-    """Return Fisher's information in 1/px² of a coordinate with noise, rounded to pixels.
+    """Return the Fisher information in 1/px² of a noisy coordinate rounded to pixels.
 
     Raises
     ------
     ValueError
         If σ is not above 0: without noise there is no limit.
     """
-    if not 0 < sigma_px < np.inf:  # without noise there is no limit
+    if not 0 < sigma_px < np.inf:
         raise ValueError(f"sigma_px: given {sigma_px}, allowed: a number above 0, in px")
     step = min(sigma_px / _SIGMA_STEPS, 0.5 / _SIGMA_STEPS)
     number = np.ceil((0.5 + _REACH_SIGMAS * sigma_px) / step)
@@ -234,16 +234,16 @@ def pixel_information(sigma_px: float) -> float:
 
 
 def least_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float) -> Array:
-    """Return bound the covariance (3, 3, ...) in m² of any estimate of points (3, ...) from below.
+    """Return the lower bound (3, 3, ...) in m² of the covariance of any estimate of points.
 
-    That of a deflection is the sum of those at rest and deflected.
+    The bound of a deflection is the sum of those at rest and deflected; `points` are (3, ...).
     """
     return triangulation.point_covariance(P, points, pixel_information(sigma_px) ** -0.5)
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of pixels in px as their likelihood has it: the best value, and the ends of 95 %."""
+    """Pixel noise in px: the most likely value, and the ends of its 95 % interval."""
 
     best: float
     least: float
@@ -251,28 +251,28 @@ class Noise:
 
 
 def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
-    """Estimate images' noise before rounding from how they disagree with each other.
+    """Estimate the noise of images before rounding from their inconsistency.
 
     Parameters
     ----------
     P : array_like, shape (cameras, 3, 4)
         Projection matrices.
     uv : array_like, shape (cameras, 2, ...)
-        Centres of the pixels in px, of hundreds of points; those with NaN are left out.
+        Centres of the pixels in px, of hundreds of points; points with NaN are left out.
 
     Returns
     -------
     Noise
-        Of the evidence for σ from 0 to 1 px, which is that all points have together. A pair of
-        cameras tells little, since it has one coordinate too many for a point; few points tell
-        nothing: then `least` is 0 and `most` far away. Errors of the cameras count as noise. The
-        evidence is an approximation, which makes noise below 0.05 px a few thousandths too small,
-        and with two cameras cannot tell less than 0.1 px from none.
+        From the summed evidence of all points for σ from 0 to 1 px. A pair of cameras gives little
+        information, as each point has only one redundant coordinate; for few points, `least` is 0
+        and `most` is large. Errors of the cameras count as noise. The evidence is approximate: it
+        makes noise below 0.05 px a few thousandths too small, and with two cameras does not
+        distinguish less than 0.1 px from none.
 
     Raises
     ------
     ValueError
-        If fewer than two cameras are given, the shapes do not match, or no point is whole.
+        If there are fewer than two cameras, shapes do not match, or all points have a NaN.
     """
     P, images = np.asarray(P, float), np.asarray(uv, float)
     images = images.reshape(*images.shape[:2], -1)
@@ -285,7 +285,7 @@ def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
 
     low, high = 0.0, MOST_PX
     best, top = 0.0, -np.inf
-    while high - low > LEAST_PX / 2:  # each round looks at a fourth of the last
+    while high - low > LEAST_PX / 2:  # each round searches a quarter of the last interval
         grid = np.linspace(low, high, 9)
         found = [evidence(sigma) for sigma in grid]
         at = int(np.argmax(found))
@@ -293,7 +293,7 @@ def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
         low, high = float(grid[max(at - 1, 0)]), float(grid[min(at + 1, 8)])
 
     def bisect_end(inside: float, outside: float) -> float:
-        """Return the position towards an end at which the evidence has fallen so far."""
+        """Return σ, towards an end, at which the evidence has fallen by `_LIKELIHOOD_FALL`."""
         if top - evidence(outside) < _LIKELIHOOD_FALL:
             return outside
         while abs(outside - inside) > LEAST_PX / 2:

@@ -10,7 +10,7 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vision.pinhole import CameraArray, pixelate
 
-FULL_FRAME = (36.0, 24.0)  # mm, what crop factors refer to
+FULL_FRAME = (36.0, 24.0)  # mm, the reference of crop factors
 _RED_OR_BLUE = np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0], [1.0, 2.0, 1.0]]) / 4
 _GREEN_WEIGHTS = np.array([[0.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 0.0]]) / 4
 
@@ -26,8 +26,8 @@ def angle_of_view(size: ArrayLike, focal: ArrayLike) -> Array:
 def crop_factor(sensor: ArrayLike, reference: ArrayLike = FULL_FRAME) -> Array:
     """Return the diagonal of a reference over that of a sensor (2.4).
 
-    A lens of focal length f sees as much on the sensor, diagonally, as one of f times this factor
-    on the reference.
+    A lens of focal length f has the same diagonal angle of view on the sensor as one of f times
+    this factor on the reference.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ def depth_error(
 def round_depth(
     depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike, shifts: ArrayLike
 ) -> Array:
-    """Return depths that two parallel cameras find in whole pixels of a point midway between them.
+    """Return the depths that two parallel cameras measure in whole pixels of a point midway.
 
     Parameters
     ----------
     depth, baseline, focal_px : array_like
         Depth Z and baseline b in one unit, focal length f in px.
     shifts : array_like, shape (trials, 2)
-        How far the columns of either camera's pixel grid are shifted, in px.
+        Shift of either camera's pixel grid along its rows, in px.
 
     Returns
     -------
@@ -148,9 +148,9 @@ def round_depth(
 
 
 def weak_perspective(cameras: CameraArray, points: ArrayLike) -> Array:
-    """Return images (cameras, 2, points) in px with one depth for all points, the mean of theirs.
+    """Return images (cameras, 2, points) in px with the mean depth for all points.
 
-    Of world points (3, points) in m (eq. 2.6, 2.7).
+    World points (3, points) are in m (eq. 2.6, 2.7).
     """
     X = np.asarray(points, float)
     seen = cameras.R_camera_world @ (X - cameras.centres[:, :, None])
@@ -166,7 +166,7 @@ def append_one(points: ArrayLike) -> Array:
 
 
 def from_homogeneous(points: ArrayLike) -> Array:
-    """Divide by the last coordinate and drop it (eq. C.1); infinite points are not finite."""
+    """Divide by the last coordinate and drop it (eq. C.1); points at infinity give inf or NaN."""
     x = np.asarray(points, float)
     with np.errstate(divide="ignore", invalid="ignore"):
         return x[..., :-1] / x[..., -1:]
@@ -217,9 +217,9 @@ def bayer_mosaic(picture: ArrayLike, pattern: str = "RGGB") -> Array:
 def demosaic_image(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
     """Return three colours at every pixel, by bilinear interpolation, shape (rows, columns, 3).
 
-    Missing values are means of the two or four nearest pixels of their colour, weighted at the
-    border by those that there are; recorded values stay. Exact for colours that change linearly,
-    but for the border.
+    Missing values are means of the two or four nearest pixels of their colour, at the border of
+    those that exist; recorded values stay. Exact for linearly changing colours, except at the
+    border.
     """
     raw = np.asarray(mosaic, float)
     masks = bayer_masks(raw.shape, pattern)

@@ -6,11 +6,11 @@ corner of the sensor. ``R_camera_world`` turns world directions into camera dire
 cameras and coordinates first and points last: world points are ``(3, ...)``, images
 ``(cameras, 2, ...)``.
 
-Real cameras have intrinsics and distortion (Brown–Conrady) of their own.
+Each real camera has its intrinsics and distortion (Brown–Conrady).
 Pixels are counted as in the rest of the library: from the sensor's top-left corner, so the centre
 of the first pixel is at (0.5, 0.5). OpenCV counts from that centre; :data:`HALF_PIXEL` converts,
-and nothing but the modules that call OpenCV needs it. Counted from the corner, K scales with the
-resolution and nothing else.
+and only the modules that call OpenCV need it. Counted from the corner, K simply scales with the
+resolution.
 
 Distortion acts on normalised coordinates (x, y) = (X/Z, Y/Z) with r² = x² + y²:
 
@@ -103,7 +103,7 @@ def hemisphere_cameras(
     focal_px: float,
     size: tuple[int, int],
 ) -> CameraArray:
-    """Return the equal cameras at one or several distances from the origin, all looking at it.
+    """Return equal cameras at one or several distances from the origin, all looking at it.
 
     Parameters
     ----------
@@ -225,8 +225,8 @@ def distortion_jacobian(xy: ArrayLike, distortion: ArrayLike) -> Array:
 def undistort_coordinates(xy: ArrayLike, distortion: ArrayLike, steps: int = 6) -> Array:
     """Undistort normalised coordinates by Newton's method, both (2, ...).
 
-    Six steps reach rounding error for distortions that a lens for measuring has; a point beyond
-    the fold of the polynomial, which has no undistorted counterpart, ends as NaN.
+    Six steps reach round-off for the distortions of measuring lenses; a point beyond the fold of
+    the polynomial, which has no undistorted counterpart, becomes NaN.
     """
     target = np.asarray(xy, float)
     guess = target.copy()
@@ -270,17 +270,17 @@ def project_points(camera: Camera, points: ArrayLike) -> Array:
 
 
 def undistort_pixels(camera: Camera, uv: ArrayLike) -> Array:
-    """Return the pixels (2, ...) that a camera without distortion would see: those of P, K."""
+    """Return the pixels (2, ...) without distortion, for which P and K hold."""
     return to_pixels(camera.K, undistort_coordinates(from_pixels(camera.K, uv), camera.distortion))
 
 
-_BLOCK_FRAMES = 512  # of tracks that are undistorted at once
+_BLOCK_FRAMES = 512  # frames of tracks that are undistorted at once
 
 
 def undistort_tracks(camera: Camera, tracks: ArrayLike) -> Array:
     """Remove the distortion of tracks: pixels (frames, 2, markers).
 
-    Some frames at once: each step takes a dozen arrays as large as what it is given.
+    Frames are processed in blocks, as each step needs a dozen arrays of the size of its input.
     """
     images = np.asarray(tracks, float).swapaxes(0, 1)
     found = np.empty(images.shape)
@@ -291,7 +291,7 @@ def undistort_tracks(camera: Camera, tracks: ArrayLike) -> Array:
 
 
 def distort_pixels(camera: Camera, uv: ArrayLike) -> Array:
-    """Return the pixels that the camera sees of those without distortion, (2, ...)."""
+    """Return the distorted pixels of undistorted ones, both (2, ...)."""
     return to_pixels(camera.K, distort_coordinates(from_pixels(camera.K, uv), camera.distortion))
 
 

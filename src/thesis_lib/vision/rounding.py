@@ -1,4 +1,4 @@
-"""The law of rounding: what whole pixels do to a displacement, in expectation (beyond the thesis).
+"""The law of rounding: expected errors of displacements in whole pixels (beyond the thesis).
 
 Let a coordinate be rounded on a grid that is shifted by a random fraction of a pixel, uniform over
 one pixel. Each rounding error then has variance 1/12 px². Two images of one marker that lie δ px
@@ -7,8 +7,8 @@ apart on the same grid have errors whose difference has variance f(1 − f), f t
 probability f. Whole-pixel motion is measured without error.
 
 Gaussian noise of σ px in every image before it is rounded adds its own 2σ², and blurs f(1 − f) with
-the deviation √2 σ of a motion: of its Fourier series 1/6 − Σ cos(2πkδ) / (πk)² every term falls by
-exp(−4π²k²σ²).
+the standard deviation √2 σ of a motion: each cosine of its Fourier series 1/6 − Σ cos(2πkδ) / (πk)²
+is multiplied by exp(−4π²k²σ²).
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     seed, trials, n_cameras : int
         Seed, last trial, number of cameras.
     first : int
-        First trial wanted.
+        First trial to return.
 
     Returns
     -------
@@ -43,10 +43,10 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
 
 @lru_cache(maxsize=32)
 def _cached_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
-    """Cache the shifts, which settings with as many cameras share."""
+    """Return the shifts, cached as settings with equally many cameras share them."""
     shifts = np.zeros((trials + 1 - first, n_cameras, 2))
     for trial in range(max(first, 1), trials + 1):
-        # Philox is counter-based: the trial is its own stream, the camera the place in it.
+        # Philox is counter-based: each trial has its own stream, each camera a position in it.
         stream = np.random.Generator(np.random.Philox(key=[seed, trial]))
         shifts[trial - first] = stream.random((n_cameras, 2)) - 0.5
     return shifts
@@ -55,16 +55,16 @@ def _cached_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
 def image_noise(
     seed: int, trials: int, modes: Sequence[int], n_cameras: int, markers: int, first: int = 0
 ) -> Array:
-    """Draw standard normal image noise, a function of (seed, trial, mode) and the place in it.
+    """Draw standard normal image noise, a function of (seed, trial, mode) and position alone.
 
-    Of rest and of the wanted modes' numbers, from the trial `first` to the last: shape
-    (trials + 1 - first, n_cameras, 2, 1 + modes, markers). The nominal run has noise, too.
+    The frames are at rest and in the modes of given numbers, the trials from `first` to the last:
+    shape (trials + 1 - first, n_cameras, 2, 1 + modes, markers). The nominal run has noise, too.
     """
     frames = [0, *modes]
     noise = np.empty((trials + 1 - first, n_cameras, 2, len(frames), markers))
     for trial, part in enumerate(noise, start=first):
         for i, frame in enumerate(frames):
-            # of the trial's stream what shifts have not used: each frame its own part of it
+            # a part of the trial's stream that the shifts do not use, one for each frame
             stream = np.random.Philox(key=[seed, trial], counter=[0, 0, 0, 1 + frame])
             part[:, :, i] = np.random.Generator(stream).standard_normal((n_cameras, 2, markers))
     return noise
@@ -78,9 +78,9 @@ def difference_variance(displacement_px: ArrayLike) -> Array:
 
 
 def noisy_difference_variance(displacement_px: ArrayLike, noise_px: float) -> Array:
-    """Average f(1 − f) in px² over the noise of both images; its own 2σ² is not in it.
+    """Average f(1 − f) in px² over the noise of both images, without the noise's own 2σ².
 
-    Noise below 1/1000 px leaves out 1e-4 px².
+    For noise below 1/1000 px the truncated series omits 1e-4 px².
     """
     if noise_px == 0:
         return difference_variance(displacement_px)
@@ -93,8 +93,8 @@ def noisy_difference_variance(displacement_px: ArrayLike, noise_px: float) -> Ar
 def mean_difference_variance(displacement_px: ArrayLike, least: float, most: float) -> Array:
     """Average f(1 − f) in px² over motions from `least` to `most` times a displacement.
 
-    Towards 1/6 for a range of many pixels, to 0 for what does not move: of ⌊x⌋/6 + f²/2 − f³/3, the
-    integral of f(1 − f) from 0 to x, the difference between both ends.
+    It tends to 1/6 for a range of many pixels, and to 0 without motion. It uses the integral of
+    f(1 − f) from 0 to x, ⌊x⌋/6 + f²/2 − f³/3.
     """
     delta = np.abs(np.asarray(displacement_px, float))
 
@@ -105,7 +105,7 @@ def mean_difference_variance(displacement_px: ArrayLike, least: float, most: flo
 
     span = (most - least) * delta
     rise = total(most * delta) - total(least * delta)
-    # Over a narrow range the difference of integrals is rounding noise, and f(1 − f) one value.
+    # Over a narrow range the difference of integrals is round-off, and f(1 − f) nearly constant.
     small = span < 1e-6
     middle = difference_variance((least + most) / 2 * delta)
     return np.where(small, middle, rise / np.where(small, 1, span))
@@ -122,7 +122,7 @@ def deflection_variance(
     """Return first-order variance of the measured deflection Z − Z_rest over random grid shifts.
 
     With g = ∂Z/∂m of the refined point at rest (r) and deflected (d), a coordinate adds
-    Var(g_d ε_d − g_r ε_r) = (g_d − g_r)²/12 + g_d g_r f(1 − f), and g_d²/12 if the rest position
+    Var(g_d ε_d − g_r ε_r) = (g_d − g_r)²/12 + g_d g_r f(1 − f), or g_d²/12 if the rest position
     is known.
 
     Parameters
@@ -132,11 +132,11 @@ def deflection_variance(
     rest, deflected : array_like, shape (3, ...)
         World points in m.
     rest_is_known : bool
-        Whether the rest position is known rather than rebuilt from rounded pixels.
+        Whether the rest position is known rather than triangulated from rounded pixels.
     normals : array_like, shape (3, ...), optional
         Unit vectors along which deflections are measured, in place of Z.
     noise_px : float
-        Standard deviation σ of every image before it is rounded; g_d² σ² + g_r² σ² more.
+        Standard deviation σ of every image before it is rounded; it adds g_d² σ² + g_r² σ².
 
     Returns
     -------
@@ -163,8 +163,8 @@ def _project_gains(gains: Array, normals: ArrayLike | None) -> Array:
 def error_covariance(distance_px: ArrayLike, noise_px: float = 0.0) -> Array:
     """Return 1/12 − f(1 − f)/2 in px², the covariance of two rounding errors on one grid.
 
-    `distance_px` is how far they lie apart, f its fractional part: both errors are the same
-    sawtooth of the grid's shift, moved against each other. Noise is each coordinate's own.
+    `distance_px` is the distance of their coordinates, f its fractional part: both errors are the
+    same sawtooth of the grid's shift, with an offset. Noise is independent between coordinates.
     """
     return 1 / 12 - noisy_difference_variance(distance_px, noise_px) / 2
 
@@ -178,8 +178,8 @@ def deflection_covariance(
 ) -> Array:
     """Return the markers' deflection covariance over random grid shifts, to first order.
 
-    All images in one coordinate of one camera share its shift, so their rounding errors go
-    together; this matters where markers are summed, as in sound. The diagonal is
+    All images in one coordinate of one camera share its shift, so their rounding errors are
+    correlated; this matters where markers are summed, as for sound. The diagonal is
     :func:`deflection_variance`.
 
     Parameters
@@ -189,7 +189,7 @@ def deflection_covariance(
     rest, deflected : array_like, shape (3, markers)
         World points in m.
     rest_is_known : bool
-        Whether the rest position is known rather than rebuilt from rounded pixels.
+        Whether the rest position is known rather than triangulated from rounded pixels.
     noise_px : float
         Standard deviation of every image before it is rounded.
 
@@ -208,7 +208,7 @@ def deflection_covariance(
     total = np.zeros((images.shape[1],) * 2)
     for a, g in zip(images, gains, strict=True):
         total += error_covariance(a[:, None] - a, noise_px) * (g[:, None] * g)
-    if noise_px:  # an error is the same as itself, however noisy
+    if noise_px:  # on the diagonal an error is correlated with itself, noise included
         own = noise_px**2 + noisy_difference_variance(0.0, noise_px) / 2
         total += np.diag(own * np.sum(gains**2, axis=0))
     return total.reshape(len(signs), n_markers, len(signs), n_markers).sum(axis=(0, 2))

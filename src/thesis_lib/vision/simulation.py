@@ -1,22 +1,22 @@
-"""Deflections measured with whole pixels by several estimators of points, and how wrong they are.
+"""Simulated deflection measurements in whole pixels, by several estimators, and their errors.
 
 The estimators of :data:`ESTIMATOR_RULES` are
 
 * ``linear``: the linear equations of the thesis (3.2.1) alone,
 * ``least-squares``: refined by Gauss–Newton steps (3.2.2),
-* ``analytic-centre``: the centre of the slabs that the pixels leave
+* ``analytic-centre``: the centre of the polytope that the pixels allow
   (:mod:`thesis_lib.vision.analytic_centre`),
 * ``joint``: the same with x and y common to rest and motion,
-* ``interval``, ``joint-interval``: the mean of all points that noise and rounding allow
-  (:mod:`thesis_lib.vision.interval`), which must be told the noise.
+* ``interval``, ``joint-interval``: the posterior mean under noise and rounding
+  (:mod:`thesis_lib.vision.interval`), which needs the noise.
 
 The linear equations weigh a camera's residual in pixels with its depth. With D the depths and J
 the derivative of the images, the first-order response to the images is (JᵀD²J)⁻¹JᵀD² in place of
 (JᵀJ)⁻¹Jᵀ: the same at equal depths, where refinement therefore gains nothing, and worse the more
 the distances differ.
 
-:func:`deflection_errors` compares them with cameras at given distances, in directions drawn evenly
-over the hemisphere, and markers near the origin that move along Z.
+:func:`deflection_errors` compares them with cameras at given distances, in directions uniform over
+the hemisphere, and markers near the origin that move along Z.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,7 +38,7 @@ ESTIMATOR_RULES: dict[str, Callable[[Array, Array, float], Array]] = {
     "interval": lambda P, uv, noise: interval_estimate(P, uv, noise).points,
     "joint-interval": lambda P, uv, noise: joint_interval(P, uv, noise).points,
 }
-ESTIMATORS = ("linear", "least-squares", "analytic-centre", "joint")  # that ask for no noise
+ESTIMATORS = ("linear", "least-squares", "analytic-centre", "joint")  # that need no noise
 CHECK_SIZE_PX, CHECK_FOCAL_PX = (320, 180), 24 / 36 * 320  # the thesis's smallest sensor, its lens
 CHECK_EXTENT_M = (0.05, 0.05)  # markers: |x|, |y| up to this, in m
 CHECK_MOTION_M = 0.01  # displacements: up to this, in m
@@ -50,7 +50,7 @@ def random_hemisphere(
     focal_px: float = CHECK_FOCAL_PX,
     size: tuple[int, int] = CHECK_SIZE_PX,
 ) -> CameraArray:
-    """Return cameras at given distances (cameras,) in m, directions even over the hemisphere."""
+    """Return cameras at given distances (cameras,) in m, uniform over the hemisphere."""
     distances = np.asarray(distances, float)
     azimuth = rng.uniform(-np.pi, np.pi, len(distances))
     elevation = np.arcsin(rng.uniform(0, 1, len(distances)))
@@ -85,9 +85,9 @@ def deflection_errors(
     seed: int = 0,
     rules: Sequence[str] = ESTIMATORS,
 ) -> Array:
-    """Return the rms errors in m of deflections rebuilt from whole pixels, (layouts, estimators).
+    """Return the rms errors in m of deflections from whole pixels, (layouts, estimators).
 
-    Over so many markers of each random layout of cameras at the given distances from the origin
+    Each is over all `markers` of a random layout of cameras at the given distances from the origin
     in m. Gaussian noise of `noise_px` is added to every coordinate before it is rounded; `rules`
     are estimators of :data:`ESTIMATOR_RULES`. Layout i is a function of the seed, i and the number
     of cameras alone, so that layouts at other distances, or with other noise, have the same
@@ -109,7 +109,7 @@ def deflection_errors(
 def rms_with_std(errors: ArrayLike) -> tuple[Array, Array]:
     """Return the rms of independent draws (draws, ...) and its standard error, both (...).
 
-    The standard error is what that of the mean square implies: the standard deviation of the
+    The standard error follows from that of the mean square: the standard deviation of the
     squares over 2 √draws rms. NaN for one draw, 0 for no error.
     """
     squares = np.square(np.asarray(errors, float))
@@ -135,9 +135,9 @@ LEAST_SQUARES = "least-squares"
 
 
 def assurance_criterion(measured: Array, reference: Array) -> Array:
-    """Return modal assurance criterion of shapes (..., markers) over the markers that are known.
+    """Return modal assurance criterion of shapes (..., markers) over the markers that are not NaN.
 
-    (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN without known markers.
+    (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN if all markers are NaN.
     """
     known = np.isfinite(measured)
     m, r = np.where(known, measured, 0), np.where(known, reference, 0)
@@ -164,7 +164,7 @@ def measure_deflections(
     shifts : ndarray, shape (trials, cameras, 2)
         Shift of each camera's pixel grid in px.
     rest_is_known : bool
-        Subtract the true rest position instead of the rebuilt one.
+        Subtract the true rest position instead of the triangulated one.
     estimator : str
         One of :data:`ESTIMATOR_RULES`. Slabs of rounded images move along with a shifted grid.
     normals : ndarray, shape (3, markers), optional
@@ -172,7 +172,7 @@ def measure_deflections(
     noise : ndarray, shape (trials, cameras, 2, 1 + modes, markers), optional
         Noise of the images before they are rounded, in px.
     noise_px : float
-        Its standard deviation, which the estimator is told.
+        Standard deviation of the noise, which the estimator is given.
 
     Returns
     -------

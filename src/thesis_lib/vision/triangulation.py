@@ -18,11 +18,11 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike
 
 UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
-# Points, and camera × point values, per block at most. From some 28,000 values on they leave a
-# processor's own cache of 1 MB: twice the time, and up to ten times beside a second process.
+# Most points, and camera × point values, per block. From some 28,000 values on they exceed the 1 MB
+# cache of a processor core: twice the time, and up to ten times with a second process running.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 24000
 _COLUMNS = 8  # points that BLAS multiplies at a time: blocks begin at multiples of them
-# Motion over depth in a step below which JᵀJ is kept: its change is of second order
+# Motion over depth in a step below which JᵀJ is reused: its change is of second order
 _MAX_FIXED_MOTION = 1e-5
 
 
@@ -62,7 +62,7 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
 
 
 def check_arrays(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
-    """Return both as arrays of numbers; a shape that is wrong is a ValueError."""
+    """Return both as arrays of floats; raise ValueError for a wrong shape."""
     P, uv = np.asarray(P, float), np.asarray(uv, float)
     if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
         raise ValueError(f"P: given shape {P.shape}, needs (cameras, 3, 4) with 2 or more cameras")
@@ -82,8 +82,8 @@ def check_frames(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
 def image_jacobian(P: ArrayLike, points: ArrayLike) -> Array:
     """Return the derivative of the image coordinates with respect to the world point.
 
-    Of `P` and `points` as for :func:`thesis_lib.vision.pinhole.project`: ∂(u, v)/∂(X, Y, Z) in
-    px/m, shape (cameras, 2, 3, ...).
+    `P` and `points` are as for :func:`thesis_lib.vision.pinhole.project`, the result is
+    ∂(u, v)/∂(X, Y, Z) in px/m, shape (cameras, 2, 3, ...).
     """
     P, X = np.asarray(P, float), np.asarray(points, float)
     image = P[:, :, :3] @ X.reshape(3, -1) + P[:, :, 3:]
@@ -97,8 +97,8 @@ def image_jacobian(P: ArrayLike, points: ArrayLike) -> Array:
 def triangulation_gain(P: ArrayLike, points: ArrayLike) -> Array:
     """Return the first-order response of the refined point to its image coordinates, (JᵀJ)⁻¹Jᵀ.
 
-    Of `P` and `points` as for :func:`image_jacobian`: ∂(X, Y, Z)/∂(u, v) in m/px, shape
-    (3, cameras, 2, ...).
+    `P` and `points` are as for :func:`image_jacobian`, the result is ∂(X, Y, Z)/∂(u, v) in m/px,
+    shape (3, cameras, 2, ...).
     """
     J = image_jacobian(P, points)
     trailing = J.shape[3:]
@@ -140,7 +140,7 @@ def centre_projections(P: Array) -> tuple[Array, Array]:
 
 
 class _NormalEquations:
-    """The fixed matrices of the normal equations of some cameras, and room for one block."""
+    """Constant matrices of the normal equations of a set of cameras, and buffers for one block."""
 
     def __init__(self, P: Array, block: int) -> None:
         n = len(P)
@@ -173,8 +173,8 @@ class _NormalEquations:
         """Return the points (3, m) from images (cameras, 2, m) in px."""
         n, m = len(pixels), pixels.shape[2]
         room = self.room[: 10 * n * m].reshape(10, n, m)
-        # What is used up makes room for what comes next: features of the linear start, images,
-        # features of JᵀJ, features of Jᵀr. The less there is, the more of it stays in cache.
+        # One buffer holds in turn the features of the linear start, the images, and the features of
+        # JᵀJ and of Jᵀr. The smaller it is, the more of it stays in cache.
         uv, hg, w = room[:2], room[2:4], room[4]
         squares, image = room[2], room[2:5].reshape(3 * n, m)
         w2, w2hg, w2s, spare = room[5], room[6:8], room[8], room[8:]
