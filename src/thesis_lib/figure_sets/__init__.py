@@ -1,1 +1,1 @@
-"""One folder for each family of figure sets, and what is common to them."""
+"""Figure sets: one folder for each family, and the modules that they share."""

@@ -1,10 +1,10 @@
-"""The cube of a request: computed, kept, and read from a file.
+"""Computation, cache and files of the cube of a request.
 
-What is kept is computed once, and found by digests of all that made it: folders of code, facts,
-recordings, and the lock. A folder counts as a whole. What a figure set does not share with all
-others, it names in its :attr:`~thesis_lib.figure_sets.figure_set.FigureSet.rooms`.
+A cached cube is found by a digest of all its inputs: folders of code (each as a whole), facts,
+recordings, and the lock file. A figure set lists the folders that not all figure sets depend on in
+its :attr:`~thesis_lib.figure_sets.figure_set.FigureSet.rooms`.
 
-A file is read only if it is what its own request asks for, no more and no less.
+A file is accepted only if it holds exactly what its own request asks for.
 """
 
 import hashlib
@@ -36,12 +36,12 @@ def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
     asked : Study
         A validated request.
     scheduler : str
-        Workers that compute what can be cut into pieces
-        (:func:`thesis_lib.studies.workers.check_address`); empty computes here.
+        Address of workers for figure sets that are computed in blocks
+        (:func:`thesis_lib.studies.workers.check_address`); empty: compute in this process.
     """
     figure_set = registry.FIGURE_SETS[asked.name]
     library, compute = code_digest(figure_set), partial(figure_set.compute, asked, scheduler)
-    if figure_set.kept:  # under a name that tells what determines the cube
+    if figure_set.kept:  # under a name with the digest of all inputs of the cube
         name = f"{asked.name}-{request_key(asked)[:16]}.nc"
         result = storage.load_or_compute(files.cache_folder() / name, compute)
         seconds = float(result.attrs.pop("run_time_s"))
@@ -59,7 +59,7 @@ LOCK_FILE = Path("requirements", "book.txt")
 
 
 def source_files(figure_set: FigureSet) -> list[Path]:
-    """Return the files of code and facts that can change a cube, and the lock."""
+    """Return the files of code and facts that can change a cube, and the lock file."""
     own = Path(import_module(figure_set.package).__path__[0])
     rooms = [PACKAGE_FOLDER / room for room in (*SCIENCE_ROOMS, *figure_set.rooms)]
     facts = sorted(data_folder().iterdir())
@@ -75,16 +75,16 @@ def source_files(figure_set: FigureSet) -> list[Path]:
 
 @cache
 def code_digest(figure_set: FigureSet) -> str:
-    """Return the digest that a cube carries of the code, facts and packages that made it.
+    """Return the digest of code, facts and packages that is stored in a cube.
 
-    It is that of the files when this process first asked, as what it has imported is, too.
+    It is computed once per process, whose imported code does not change either.
     """
     own = files.digest_of(source_files(figure_set))
     return hashlib.sha256(f"{own} {storage.package_versions()}".encode()).hexdigest()
 
 
 def request_key(asked: Any) -> str:
-    """Return the digest of all that determines the cube of a request, others' included."""
+    """Return the digest of all inputs of a request's cube, including cubes of other requests."""
     figure_set = registry.FIGURE_SETS[asked.name]
     stored = [asked.recordings.stored_path] if figure_set.rendered else []
     needed = [*map(request_key, figure_set.reads()), files.digest_of(stored)]
@@ -93,7 +93,7 @@ def request_key(asked: Any) -> str:
 
 
 def read_cube(path: Path) -> xr.Dataset:
-    """Open one of our cubes.
+    """Open and validate a cube of this project.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def read_cube(path: Path) -> xr.Dataset:
 
 
 def rename_variables(cube: xr.Dataset) -> xr.Dataset:
-    """Return a cube with today's names of variables and dimensions, if it is of version 0."""
+    """Rename the variables and dimensions of a cube of version 0 to the current names."""
     if "thesis_lib 0." not in str(cube.attrs.get("source", "")):
         return cube
     table = files.shipped() / "data" / "published" / "renamed-variables.json"
@@ -121,12 +121,12 @@ def rename_variables(cube: xr.Dataset) -> xr.Dataset:
 
 
 def read_built(study: Study) -> xr.Dataset | str:
-    """Return the cube of the last ``thesis book``, or in one line why there is none to judge by."""
+    """Return the cube of the last ``thesis book``, or one line on why it cannot be used."""
     return read_usable(files.workplace() / "data" / "results" / f"{study.name}.nc", study)
 
 
 def read_usable(path: Path, study: Study) -> xr.Dataset | str:
-    """Return a cube of this study by this library, or in one line why the file is not that."""
+    """Return the cube in a file, or one line on why it cannot be used for this study."""
     try:
         cube = read_cube(path)
     except cubes.CubeError:
@@ -140,7 +140,7 @@ def read_usable(path: Path, study: Study) -> xr.Dataset | str:
 
 
 def _problems(cube: xr.Dataset) -> Iterator[str]:
-    """Yield the faults of a cube, one after another; what comes after one may fail."""
+    """Yield the faults of a cube; after the first one, the next checks may raise an error."""
     listed, present = cubes.list_dimension(cube), set(map(str, cube.variables))
     errors = sorted({name for name, _ in cubes.ERROR_VARIABLES.values()} & present)
     if listed:
@@ -185,7 +185,7 @@ def _problems(cube: xr.Dataset) -> Iterator[str]:
         values, known = cube[variable], {"setting", "mode", "trial"}
         if set(values.dims) - {"plane"} != known or values.dtype.kind != "f" or not values.size:
             yield f"its {variable} is not a number for each setting, mode and trial"
-    cubes.cube_errors(cube)  # which fails without a plane that it needs
+    cubes.cube_errors(cube)  # raises an error if a plane is missing
     if cube.sizes["trial"] > request.trials + 1:
         yield f"it has {cube.sizes['trial']} trials, of {request.trials + 1} asked for"
     marked = registry.FIGURE_SETS[name].in_pieces and "point" in cube.dims

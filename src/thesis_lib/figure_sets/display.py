@@ -1,4 +1,4 @@
-"""The figures and texts of any cube: one for each case and mode, or by name."""
+"""Figures and texts of any cube, by case and mode or by name."""
 
 import json
 import re
@@ -36,9 +36,9 @@ def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
 
 
 def draw_picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
-    """Draw a cube by a function of the module `figures` of its figure set.
+    """Draw a cube with the function `name` of its figure set's module `figures`.
 
-    `which` is what else it is given, such as a mode; it draws nothing of a mode that was not run.
+    `which` are further arguments, such as a mode; the result is None for a mode that was not run.
     """
     of = str(cube.attrs["figure_set"])
     with style.in_style(picture_style(of)):
@@ -49,7 +49,7 @@ def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:
     """Fill in a template of a cube's figure set: a table or a paragraph, as Markdown.
 
     Functions in ``TEXTS`` of its module `figures` compute what a template needs besides the cube.
-    `which` is what else such a function is given, such as a mode.
+    `which` are further arguments of such a function, such as a mode.
     """
     figures = figures_module(str(cube.attrs["figure_set"]))
     compute = getattr(figures, "TEXTS", {}).get(name)
@@ -66,19 +66,19 @@ def read_caption(figure_set: str, name: str, *which: int) -> panels.Caption:
 
 
 def read_captions(figure_set: str) -> dict[str, dict[str, str]]:
-    """Return what ``captions.toml`` in a figure set's folder says, by function that draws."""
+    """Return the captions in ``captions.toml`` of a figure set's folder, by drawing function."""
     file = Path(str(figures_module(figure_set).__file__)).with_name("captions.toml")
     text = file.read_text(encoding="utf-8") if file.is_file() else ""
     return tomllib.loads(text).get(figure_set, {})
 
 
 def picture_style(figure_set: str) -> Mapping[str, Any]:
-    """Return parameters of Matplotlib for a figure set's figures, by its module's ``STYLE``."""
+    """Return the Matplotlib parameters of a figure set, ``STYLE`` of its module `figures`."""
     return getattr(figures_module(figure_set), "STYLE", {})
 
 
 def list_captions(study: Study, source: str) -> Iterator[panels.Caption]:
-    """List the captions that a notebook's cell, its `source`, will show, before it is run."""
+    """List the captions that a notebook cell with this `source` will show, without running it."""
     if "notebook.figures(result)" in source:
         cases = [setting.case for setting in study.settings()]
         modes = np.array(getattr(study, "modes", []), int)
@@ -90,5 +90,5 @@ def list_captions(study: Study, source: str) -> Iterator[panels.Caption]:
 
 
 def figures_module(figure_set: str) -> ModuleType:
-    """Return the module `figures` of a figure set, next to which its templates stand."""
+    """Return the module `figures` of a figure set; the templates are in the same folder."""
     return import_module(f"{FIGURE_SETS[figure_set].package}.figures")

@@ -1,8 +1,8 @@
-"""All figure sets by name, found in the folders beside this file; chapters; requests by name.
+"""Registry of figure sets, requests and chapters, filled from the folders next to this file.
 
-A reader's own set is a folder anywhere with the same modules
-(see ``figure_sets.figure_set``) and the notebook ``NAME.ipynb`` of each of its sets.
-Kernels find it by the environment variable :data:`SETS_VARIABLE`.
+A user's own figure sets are in a folder anywhere with the same modules (see
+``figure_sets.figure_set``) and a notebook ``NAME.ipynb`` for each figure set. Kernels find the
+folder by the environment variable :data:`SETS_VARIABLE`.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ TITLES = {
     "beyond": "Beyond the thesis",
     "shapes": "Shapes without symmetry",
 }
-"""What the names of chapters stand for, in their order."""
+"""Titles of the chapters by name, in their order."""
 
 
 _FOLDERS = sorted(path.parent.name for path in Path(__file__).parent.glob("*/figure_set.py"))
@@ -47,7 +47,7 @@ CHAPTER_SETS = {
 
 
 def model_of(name: str) -> type[Study]:
-    """Return the parameters of a figure set; an unknown name is refused."""
+    """Return the parameter model of a figure set; an unknown name raises `ParameterError`."""
     if name not in STUDIES:
         folders = {file.parent.name for file in Path().glob("*/figure_set.py")}
         here = f"for the folder here: thesis run ./{name}; " if name in folders else ""
@@ -74,7 +74,7 @@ SETS_VARIABLE = "THESIS_FIGURE_SETS"
 
 
 def load_sets(folder: Path) -> list[str]:
-    """Make the figure sets of a folder known, in this process and in the kernels it starts.
+    """Register the figure sets of a folder, in this process and in kernels that it starts.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def load_sets(folder: Path) -> list[str]:
         found = {one.request.name: one for one in every}
         for one in found.values():
             validate_values(one.request, {})
-    except Exception as error:  # whatever a reader's module does
+    except Exception as error:  # a user's module may raise anything
         why = f"{type(error).__name__}: {one_line(str(error))}"
         raise ParameterError(f"{file} cannot be used: {why}") from None
     for name in found:
@@ -110,10 +110,10 @@ def load_sets(folder: Path) -> list[str]:
 
 
 def is_known(name: str, here: bool = False) -> bool:
-    """Return whether there is a figure set of this name, or in a folder of :data:`SETS_VARIABLE`.
+    """Return whether a figure set exists in the library or in a folder of :data:`SETS_VARIABLE`.
 
-    With `here`, in the working directory, too: for a notebook, whose code is executed anyway. No
-    command executes code that merely lies where it is called.
+    `here` adds the working directory, for a notebook, whose code is executed anyway. No command
+    executes code only because it is in the working directory.
     """
     if name not in FIGURE_SETS:
         named = [one for one in os.environ.get(SETS_VARIABLE, "").split(os.pathsep) if one]

@@ -2,8 +2,8 @@
 
 Four panels as in the thesis: (a) the setups, (b) reference and measured shape, (c) error of each
 marker, (d) mean error of each setting. Added here: the 5–95 % band of the trials, the prediction
-by the law of rounding, and what the thesis states. Settings are ordered, and so are their colours;
-blue and vermilion are the best and the worst.
+by the law of rounding, and the claimed values of the thesis. Settings are ordered, and so are their
+colours; blue and vermilion are the best and the worst.
 """
 
 from collections.abc import Sequence
@@ -27,14 +27,14 @@ _BEAM_GRID = {
     "left": 0.079, "right": 0.98, "bottom": 0.093, "top": 0.944, "wspace": 0.21, "hspace": 0.39
 }  # fmt: skip
 FAR_APART = 20.0
-"""Where the greatest error is more times the least than this, their axis is logarithmic."""
+"""Ratio of the largest to the least error above which the axis of errors is logarithmic."""
 
 
 def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) -> None:
     """Draw the errors of each setting, one or more side by side.
 
-    Bars on an axis from 0; where errors are so far apart that it is logarithmic, marks, since there
-    the length of a bar means nothing.
+    They are bars on an axis from 0. On a logarithmic axis, for errors that are far apart, they are
+    marks, since the length of a bar means nothing there.
     """
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
     (floor, top), black = _find_limits(groups), style.BLACK_COLOR
@@ -84,7 +84,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
 
 
 def _mark_claim(axes: Axes, at: float, claim: Claim, reach: float) -> None:
-    """Mark what the thesis states: a value or interval, or a bound and the side that it allows."""
+    """Mark the claim of the thesis: a value or interval, or a bound and its allowed side."""
     (least, most), ink = claim.ends, style.HIGHLIGHT_COLOR
     if least is None or most is None:
         marker = "v" if least is None else "^"
@@ -96,7 +96,7 @@ def _mark_claim(axes: Axes, at: float, claim: Claim, reach: float) -> None:
 
 
 def _find_limits(groups: Sequence[selection.Bars]) -> tuple[float, float]:
-    """Return the least error if an axis from 0 would hide it, else 0, and the largest, from 0.1."""
+    """Return the least error if an axis from 0 hides it, else 0, and the largest, at least 0.1."""
     drawn = np.ravel([[bars.literal, bars.band[2]] for bars in groups])
     stated = [claim.high for bars in groups for claim in bars.claims if claim]
     top = float(np.fmax.reduce([*drawn, 0.1, *stated]))
@@ -106,7 +106,7 @@ def _find_limits(groups: Sequence[selection.Bars]) -> tuple[float, float]:
 
 
 def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
-    """Draw cameras on their hemispheres from a corner, and mark the varied parameter."""
+    """Draw cameras on their hemispheres, seen from a corner, and mark the varied parameter."""
     axes.set_title(f"(a) setups: {cube.attrs['varied_label']} varied")
     cameras = [camera_centres(part.isel(setting=index)) for index in range(part.sizes["setting"])]
     radius = max(np.linalg.norm(c, axis=1).max() for c in cameras)
@@ -204,11 +204,11 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 @dataclass(frozen=True)
 class Caption:
-    """Texts of a figure, all of them plain."""
+    """Plain texts of a figure."""
 
     name: str = ""  #: Anchor on its page
     text: str = ""  #: Text below it
-    alt: str = ""  #: Alternative text; if empty, :func:`describe_panels` gives it
+    alt: str = ""  #: Alternative text; if empty, :func:`describe_panels` supplies it
 
 
 def case_captions(cube: xr.Dataset) -> dict[tuple[str, int], Caption]:

@@ -1,6 +1,6 @@
-"""Select the part of a cube that is shown: as arrays, as tables of numbers, and for the viewer.
+"""Selection of the shown part of a cube: as arrays, as tables of numbers, and for the viewer.
 
-Tables are tidy, one number to a row. The interactive viewer takes its data as plain JSON values.
+Tables are tidy, one number per row. The interactive viewer uses plain JSON values.
 """
 
 import base64
@@ -38,7 +38,7 @@ def trial_rms(errors: xr.DataArray) -> xr.DataArray:
 
 
 def split_cases(cube: xr.Dataset, mode: int | None = None) -> dict[str, xr.Dataset]:
-    """Return the settings of every case, in order and in one mode, the first if none is named."""
+    """Return the settings of every case in order, for one mode, by default the first."""
     one = int(cube["mode"].values[0]) if mode is None else mode
     return {case: select_settings(cube, case, one) for case in list_cases(cube)}
 
@@ -46,7 +46,7 @@ def split_cases(cube: xr.Dataset, mode: int | None = None) -> dict[str, xr.Datas
 def best_and_worst(part: xr.Dataset) -> list[int]:
     """Return the indices of the settings with the least and the largest typical mean error.
 
-    Settings without a result are neither, unless none has one.
+    Settings without a result are excluded, unless no setting has one.
     """
     name = "mean_error" if "mean_error" in part else "deflection_error"
     error = cubes.typical_error(part[name])
@@ -88,14 +88,14 @@ def _find_claims(cube: xr.Dataset, rows: Iterable[tuple[Any, ...]]) -> list[Clai
 
 @dataclass(frozen=True)
 class Bars:
-    """One error of every setting: nominal run, band of the trials, prediction, stated values."""
+    """One error of every setting: nominal run, band of the trials, prediction, claimed values."""
 
-    #: In %, shape (settings,)
+    #: Errors of the nominal run, and predicted errors, in %, shape (settings,)
     literal: Array
     predicted: Array
     band: Array  #: Quantiles 5, 50 and 95 % in %, shape (3, settings)
-    claims: list[Claim | None]  #: What the thesis states of each setting, or None
-    name: str = ""  #: What the bars are, if there is more than one to a setting
+    claims: list[Claim | None]  #: Claim of the thesis on each setting, or None
+    name: str = ""  #: Label of the bars, if a setting has more than one
 
 
 def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> Bars:
@@ -113,10 +113,10 @@ _CLAIMED_FIELDS = ("stated_low", "stated_high", "stated")
 def errors_table(cube: xr.Dataset) -> pd.DataFrame:
     """Return every error of a cube in %: one row per setting, mode and kind of error.
 
-    The nominal run (``trial_0``), median, 5 % and 95 % quantile of the trials, what is predicted,
-    and the ends and words of what the thesis states; an open end is empty. Of the ledger: one row
-    per claim, with all that the cube says of it; of a cube of single quantities: each with its
-    value and unit.
+    Columns are the nominal run (``trial_0``), median, 5 % and 95 % quantile of the trials, the
+    predicted error, and ends and words of the claim; an open end is empty. The ledger has one row
+    per claim with all its variables; a cube of single quantities, one row per quantity with value
+    and unit.
     """
     if cubes.list_dimension(cube) == "claim":
         return pd.DataFrame(
@@ -142,12 +142,12 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
 
 
 def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
-    """Return the numbers that a figure of a case and mode draws, a row each.
+    """Return the numbers that a figure of a case and mode draws, one per row.
 
     `errors` is the table of the cube (:func:`errors_table`).
 
-    Marker values are those of the settings with the least and the largest typical error, all
-    else is of every setting. Maps of pressure are left to the cube. Columns ``quantity``,
+    Marker values are those of the settings with the least and the largest typical error; other
+    values are of every setting. Maps of pressure are only in the cube. Columns are ``quantity``,
     ``statistic``, ``setting``, ``point``, ``x_mm``, ``y_mm``, ``value`` and ``unit``; those that do
     not apply are empty.
     """
@@ -171,7 +171,7 @@ def tabulate_cube(cube: xr.Dataset, name: str) -> dict[str, pd.DataFrame]:
 
 
 def _drawn_values(part: xr.Dataset, name: str) -> pd.DataFrame:
-    """Return the values of one variable of a case and mode, none if no figure shows them."""
+    """Return the values of one variable of a case and mode, empty if no figure shows them."""
     values = part[name].isel(trial=0, missing_dims="ignore")
     tabulated = {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
     if values.dtype.kind != "f" or name in tabulated or name.startswith("predicted_"):
@@ -197,8 +197,8 @@ def as_csv(table: pd.DataFrame) -> str:
 def figure_names(cube: xr.Dataset) -> dict[tuple[str, int], str]:
     """Return a file name without suffix for the numbers of each figure, by case and mode.
 
-    Cases may have any name; a file's has plain letters, digits and hyphens alone. A cube without
-    cases has no such files: all that its figures draw is in its one table.
+    Cases may have any name; file names have only plain letters, digits and hyphens. A cube without
+    cases has no such files: its one table has all that its figures draw.
     """
     names: dict[tuple[str, int], str] = {}
     if "case" not in cube or cubes.list_dimension(cube) == "claim":
@@ -216,7 +216,7 @@ def figure_names(cube: xr.Dataset) -> dict[tuple[str, int], str]:
 
 LENS_FIELDS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
 """Parameters behind images of ideal cameras with whole pixels, which rendered studies lack."""
-DRAWN_DIGITS = 4  # significant digits of what is only drawn
+DRAWN_DIGITS = 4  # significant digits of values that are only drawn
 FIELD_STEP = 2  # every other point of a plane is enough for an animation
 
 
@@ -224,7 +224,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """Return the nominal run and the statistics of a cube (format: `web.viewer.Viewer`)."""
     said, structure = cube.attrs, str(cube["outline"].attrs["structure"])
     kind = "beam" if structure == "beam" else "plate" if "mean_error" in cube else "sound"
-    if "measured_deflection" in cube:  # of many trials only the nominal run is drawn
+    if "measured_deflection" in cube:  # only the nominal run is drawn
         literal = cube["measured_deflection"].isel(trial=0, drop=True)
         cube = cube.assign(measured_deflection=literal)
     if kind == "beam":  # one curve is drawn, along the middle row
@@ -262,7 +262,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _in_cells(cube: xr.Dataset) -> xr.Dataset:
-    """Put a panel's markers into the cells of the box around it; NaN where there is none."""
+    """Arrange a panel's markers in the cells of the box around it; NaN in empty cells."""
     x, y, place = schema.marker_cells(cube)
     names = ("reference_deflection", "measured_deflection", "point_error")
     wide = {
@@ -276,7 +276,7 @@ def _in_cells(cube: xr.Dataset) -> xr.Dataset:
 def _describe_case(
     cube: xr.Dataset, case: str, result: Callable[..., dict[str, Any]]
 ) -> dict[str, Any]:
-    """Return a case with numbers of the thesis's figures, empty for other parameters."""
+    """Return the data of a case; numbers of the thesis's figures only for its parameters."""
     parts = {mode: select_settings(cube, case, mode) for mode in cube["mode"].values.tolist()}
     names = list(cubes.cube_errors(cube))
     bars = {mode: {name: error_bars(cube, case, mode, name) for name in names} for mode in parts}

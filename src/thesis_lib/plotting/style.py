@@ -1,8 +1,8 @@
 """Style of all figures: colours, axes, maps, panels and files, independent of any configuration.
 
-Matplotlib's parameters belong to the whole process, and pyplot's figures, too. So nothing here uses
-pyplot; code that draws or saves does it inside :func:`in_style`, alone among all threads, with
-our style over Matplotlib's own defaults; no ``matplotlibrc`` has a say.
+Matplotlib's parameters and pyplot's figures are global to the process. So nothing here uses pyplot;
+code draws and saves inside :func:`in_style`, one thread at a time, with this style over
+Matplotlib's own defaults; ``matplotlibrc`` files are ignored.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ from thesis_lib.arrays import Array, ArrayLike
 Box = tuple[float, float, float, float]  # left, top, right, bottom in fractions of the figure
 
 MARGIN_PT = 3.0
-MAX_SCALE_WIDTH = 0.13  # fraction of the figure's width: what is narrower is a colour scale
+MAX_SCALE_WIDTH = 0.13  # fraction of the figure's width; narrower boxes are colour bars
 
 # Okabe and Ito's palette: distinct with any colour vision, mid-tone on white and on black.
 CYCLE_COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
@@ -42,28 +42,28 @@ RC_STYLE = matplotlib.rc_params_from_file(
     Path(__file__).with_name("figures.mplstyle"), use_default_template=False
 )
 MATH_STYLE = {"text.parse_math": True}
-"""For figures with powers of ten at their axes, and without a reader's words."""
+"""Style of figures with powers of ten at their axes, and without texts of a user."""
 
 _BOX_DIGITS = 9  # of a panel's place in its figure
 _ONE_AT_A_TIME = threading.RLock()
 
 
 def cycle_color(index: int) -> str:
-    """Return the colour of the `index`-th of some kinds; they repeat after six."""
+    """Return the colour of the `index`-th category; colours repeat after six."""
     return CYCLE_COLORS[index % len(CYCLE_COLORS)]
 
 
 def ordered_colors(count: int) -> list[str]:
-    """Return colours of ordered settings, of which a legend or an axis gives the order."""
+    """Return colours of ordered settings, whose order a legend or an axis shows."""
     shades = matplotlib.colormaps["viridis"](np.linspace(0.2, 0.8, count))
     return [to_hex(shade) for shade in shades]
 
 
 @contextlib.contextmanager
 def in_style(changed: Any = None) -> Iterator[None]:
-    """Draw or save a figure: alone, in our style, and nothing of it left behind.
+    """Apply the style within a context, in one thread at a time, and restore the parameters.
 
-    Parameters of Matplotlib that differ from :data:`RC_STYLE` may be given as `changed`.
+    `changed` are parameters of Matplotlib that differ from :data:`RC_STYLE`.
     """
     with _ONE_AT_A_TIME, matplotlib.rc_context():
         matplotlib.rcdefaults()
@@ -88,7 +88,7 @@ def drawable_names(names: Iterable[Any], otherwise: str) -> list[str]:
 def subplots(
     rows: int = 1, columns: int = 1, figsize: Any = None, layout: Any = "constrained", **how: Any
 ) -> tuple[Figure, Any]:
-    """Return a figure and its panels like ``pyplot.subplots``, but unknown to pyplot."""
+    """Return a figure and its panels like ``pyplot.subplots``, but independent of pyplot."""
     figure = Figure(figsize=figsize, layout=layout)
     panels = figure.subplots(rows, columns, **how)
     if how.get("sharey"):  # a phone shows each panel alone
@@ -102,15 +102,15 @@ def make_mosaic(
 ) -> tuple[Figure, dict[str, Any]]:
     """Return a figure and its panels by name like ``pyplot.subplot_mosaic``.
 
-    Without a layout engine, which takes as long as to draw, they stand where ``gridspec_kw`` says,
-    whatever they hold: figures of one kind are alike.
+    Without a layout engine, which takes as long as drawing, ``gridspec_kw`` places the panels
+    regardless of their content: figures of one kind are alike.
     """
     figure = Figure(figsize=figsize, layout=layout)
     return figure, figure.subplot_mosaic(names, **how)
 
 
 def bar_beside(panel: Axes, picture: Any, label: str) -> None:
-    """Add a colour bar at the right of a panel, below its label."""
+    """Add a colour bar to the right of a panel, with its label below."""
     box, figure = panel.get_position(), panel.get_figure(root=True)
     assert figure is not None
     width = figure.get_figwidth()
@@ -121,7 +121,7 @@ def bar_beside(panel: Axes, picture: Any, label: str) -> None:
 
 
 def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
-    """Return a figure as a file of a kind in its style; equal figures give equal bytes."""
+    """Return a figure as the bytes of a file of a kind; equal figures give equal bytes."""
     without = {"svg": "Date", "png": "Software"}[kind]
     content = io.BytesIO()
     with in_style(changed):
@@ -132,13 +132,13 @@ def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> b
 
 
 def _lay_out(figure: Figure) -> None:
-    """Place the panels as a file of 72 dots per inch has them; to save would draw all to do so."""
+    """Place the panels for a file of 72 dpi, without drawing everything as saving would do."""
     if engine := figure.get_layout_engine():
         figure.set_canvas(FigureCanvasSVG(figure))
         figure.dpi = 72
         engine.execute(figure)
         figure.set_layout_engine(None)
-        for axes in figure.axes:  # the solver's last digits hang on addresses in memory
+        for axes in figure.axes:  # the solver's last digits depend on addresses in memory
             place = axes.get_position(original=True).bounds
             axes.set_position(tuple(round(each, _BOX_DIGITS) for each in place))
 
@@ -146,7 +146,7 @@ def _lay_out(figure: Figure) -> None:
 def find_panels(figure: Figure) -> str:
     """Return the boxes of a figure's panels, ``left top width height`` in %, in reading order.
 
-    The text is empty if the panels stand in one column. The figure has been laid out.
+    The text is empty if the panels form one column. The figure must have been laid out.
     """
     boxes: list[Box] = []
     for artist in (*figure.axes, *figure.legends, *figure.texts):
@@ -158,7 +158,7 @@ def find_panels(figure: Figure) -> str:
         )
         box = (max(extent.x0, 0), max(1 - extent.y1, 0), min(extent.x1, 1), min(1 - extent.y0, 1))
         left = [one for one in boxes if one[0] < box[0] and _abreast(one, box)]
-        if left and box[2] - box[0] <= MAX_SCALE_WIDTH:  # a scale goes with the panel on its left
+        if left and box[2] - box[0] <= MAX_SCALE_WIDTH:  # a colour bar joins the panel on its left
             x0, y0, x1, y1 = panel = max(left)
             whole = min(x0, box[0]), min(y0, box[1]), max(x1, box[2]), max(y1, box[3])
             boxes[boxes.index(panel)] = whole
@@ -216,7 +216,7 @@ DIVERGING_COLORS = tuple(to_hex(color) for color in _DIVERGING_MAP(range(129)))
 
 
 def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) -> Any:
-    """Draw a map to scale: values (up, across) at the centres of cells, zero in the middle."""
+    """Draw a map to scale: values (up, across) at centres of cells, with colours about zero."""
     half = [(a[1] - a[0]) / 2 for a in (across, up)]
     extent = (across[0] - half[0], across[-1] + half[0], up[0] - half[1], up[-1] + half[1])
     picture = axes.imshow(
@@ -235,7 +235,7 @@ def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) 
 def draw_maps(
     row: Sequence[Axes], maps: Any, across: Array, up: Array, names: Sequence[str], **look: Any
 ) -> list[Any]:
-    """Draw maps in a row, of each title, values (up, across) and limit; name the axes, in mm."""
+    """Draw a row of maps, each a title, values (up, across) and a limit; label the axes in mm."""
     pictures = []
     for axes, (title, values, limit) in zip(row, maps, strict=True):
         pictures.append(draw_map(axes, values, across, up, limit))
@@ -269,7 +269,7 @@ def draw_curves(
 
 
 def name_styles(axes: Axes, styles: Mapping[str, Mapping[str, Any]]) -> None:
-    """Give a panel's legend entries without data: the style of a line by its label."""
+    """Add legend entries without data to a panel: the style of a line by its label."""
     for label, style in styles.items():
         axes.plot([], [], label=label, **{"color": INK_COLOR, "lw": 1, **style})
 
@@ -281,7 +281,7 @@ def log_axes(axes: Axes, x: ArrayLike, y: ArrayLike = TICK_STEPS) -> None:
 
 
 def add_legend(axes: Axes, room: float = 0.0, loc: Any = "upper left", **how: Any) -> None:
-    """Add a legend in some room above what is drawn, a share of the axis."""
+    """Add a legend, and extend the axis above the curves by `room`, as a share of it."""
     low, high = axes.get_ylim()
     linear = axes.get_yscale() == "linear"
     axes.set_ylim(low, high + room * (high - low) if linear else high * (high / low) ** room)
@@ -289,7 +289,7 @@ def add_legend(axes: Axes, room: float = 0.0, loc: Any = "upper left", **how: An
 
 
 def legend_below(figure: Figure, axes: Axes, ncols: int, first: int = 0) -> None:
-    """Put a panel's legend, from its `first` entry on, below the figure: it counts for all."""
+    """Put a panel's legend, from its `first` entry on, below the figure, for all panels."""
     handles, labels = axes.get_legend_handles_labels()
     how: Any = {"loc": "outside lower center", "ncols": ncols, "fontsize": 7}
     figure.legend(handles[first:], labels[first:], **how)

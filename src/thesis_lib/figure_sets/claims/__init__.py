@@ -1,1 +1,1 @@
-"""The ledger of what the thesis states, and its own runs."""
+"""The ledger of the thesis's claims, and its own runs."""

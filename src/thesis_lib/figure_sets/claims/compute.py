@@ -1,20 +1,20 @@
-"""The cube of the ledger: evidence on trends, other readings, and how much the claims can tell.
+"""The cube of the ledger: evidence on trends, alternative interpretations, statistical power.
 
 *Evidence on trends.* A *source* is one or more studies whose errors become
 :class:`thesis_lib.ledger.verdicts.Series`. Besides the figure sets there are, for beam and plate:
 pairs added in the other order, arcs tilted to the side, cameras added one by one, the aperture at
-other distances and elevations, and layouts that are near or far, low or high, wide or narrow, of
-few or many cameras.
+other distances and elevations; for the beam, layouts that are near or far, low or high, wide or
+narrow, of few or many cameras; for the plate, modes whose sum has no symmetry.
 
-*Other readings.* What the thesis leaves open (``data/thesis/assumptions.toml``) can be taken
-otherwise. A *reading* changes one such parameter, or a few, in all studies of chapters 3, 4 and 6
-that have it; everything else, the rule for the verdicts included, stays.
+*Interpretations.* The thesis leaves some parameters open (``data/thesis/assumptions.toml``). A
+*reading* changes one or a few of them in all studies of chapters 3, 4 and 6 that have them;
+everything else, including the rule for the verdicts, stays the same.
 
-*Power.* A share of claimed values that are met means little without two others. *Expected*: if the
+*Power.* The share of claimed values that are met is compared with two others. *Expected*: if the
 thesis were one run of this model, printed with its digits, how many of its values would meet the
 same rule? If fewer do, the model is wrong somewhere. *Scaled*: if all errors of the model were
 larger or smaller by some factor, how many of the thesis's values would be met? A chapter in which
-that makes little difference tests little.
+the factor makes little difference is a weak test.
 """
 
 import hashlib
@@ -60,10 +60,10 @@ OWN_COORDINATES = ("source", "quantity", "case", "mode")  # of a series
 
 @dataclass(frozen=True)
 class Source:
-    """Studies to run, and how their errors are read."""
+    """Studies to run, and the mapping of their errors to series."""
 
-    requests: tuple[request.Study, ...]  #: What to run
-    #: From the number of a request, a case and a varied value to case and value of a series
+    requests: tuple[request.Study, ...]  #: Studies to run
+    #: Maps number of the request, case and varied value to case and value of a series
     place: Callable[[int, str, float], tuple[str, float]]
 
     @property
@@ -72,7 +72,7 @@ class Source:
         return [request.study_command(study) for study in self.requests]
 
     def read(self, made: Iterable[xr.Dataset]) -> list[verdicts.Series]:
-        """Return the series of the requests' cubes, in their order."""
+        """Return the series in the cubes of the requests, given in their order."""
         by: dict[verdicts.Key, list[tuple[float, Array]]] = {}
         for number, cube in enumerate(made):
             for one in verdicts.series_of(cube):
@@ -140,8 +140,8 @@ def _structure_sources(structure: str) -> dict[str, Source]:
 
 
 def _askew(draws: Mapping[str, Any]) -> list[verdicts.Series]:
-    """Measure a plate's first mode, and a sum of modes without symmetry, by cameras of 4a."""
-    names = {1: "plain", 2: "askew"}  # which stand for modes of the study
+    """Measure a plate's first mode, and a sum of modes without symmetry, by cameras of case 4a."""
+    names = {1: "plain", 2: "askew"}  # in place of modes 1 and 2 of the study
     study = camera_study("plate-arrays", {"cases": ["4a"], "modes": list(names), **draws})
     plate, peak = study.structure, study.peaks_m[0]
     every = [structures.deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW_MODES]
@@ -199,13 +199,13 @@ def read_own(made: xr.Dataset) -> dict[str, list[verdicts.Series]]:
 
 
 SIMULATED_CHAPTERS = (3, 4, 6)
-VALUE_OUTCOMES = [one for one in verdicts.VERDICTS if one != verdicts.UNCHANGED]  # of stated values
+VALUE_OUTCOMES = [one for one in verdicts.VERDICTS if one != verdicts.UNCHANGED]  # claimed values
 
 READING_VARIABLES = read_variables(__file__, "readings")
 
 
 def reading_parameters(reading: Reading, figure_set: str) -> dict[str, Any]:
-    """Return the parameters that a figure set takes of an interpretation."""
+    """Return the parameters of an interpretation that a figure set has."""
     fields = CAMERA_STUDIES[figure_set].model_fields
     return {key: value for key, value in reading.values.items() if key in fields}
 
@@ -217,7 +217,7 @@ def format_command(reading: Reading) -> str:
 
 
 def measure_claimed(study: CameraStudy) -> xr.Dataset:
-    """Return the cube of beam or plate, only of settings that claims on it or its sound name."""
+    """Compute the cube of beam or plate, only for settings with claims on it or its sound."""
     names = {study.name, study.name.replace("plate", "sound")}
     spoken = [claim for name in names for claim in claims.claims_of(name)]
     only = [
@@ -229,7 +229,7 @@ def measure_claimed(study: CameraStudy) -> xr.Dataset:
 
 
 def select_plane_errors(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
-    """Return only the errors on the planes, as in the cube of a plate's sound."""
+    """Compute the errors on the planes from a plate's cube, as in the cube of its sound."""
     deflections = plate_cube["measured_deflection"]
     errors = []
     for mode, peak in zip(study.modes, study.peaks_m, strict=True):
@@ -242,7 +242,7 @@ def select_plane_errors(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
 
 @lru_cache(maxsize=12)
 def _sound(plate: Any, planes: Any, medium: Medium, mode: int, peak: float) -> PlateSound:
-    """Return the sound of a mode, which many interpretations share."""
+    """Return the sound of a mode, cached since many interpretations share it."""
     shape = structures.deflection_shape(plate, mode, plate.markers, peak)
     omega = structures.resonance_frequency(plate, mode)
     return PlateSound.from_shape(plate, planes, medium, omega, shape)
@@ -253,7 +253,7 @@ def judge_interpretation(
 ) -> list[verdicts.Check]:
     """Judge all claims of the simulated chapters under one interpretation.
 
-    `same` holds checks of requests that have been made before, by digest; new ones are added.
+    `same` caches the checks of earlier requests by digest; new ones are added.
     """
     found: list[verdicts.Check] = []
     plates: dict[str, xr.Dataset] = {}
@@ -275,13 +275,13 @@ def judge_interpretation(
 
 
 def run_readings(study: Claims) -> xr.Dataset:
-    """Return the agreement with the stated values under several readings, the adopted one first.
+    """Return the agreement with claimed values under interpretations, the adopted one first.
 
     ``variables.toml`` has the dimensions and meanings of the variables.
     """
     chosen = [READINGS[name] for name in dict.fromkeys([ADOPTED_READING, *study.readings])]
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables say so
+        warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables show it
         known: dict[str, Any] = {}
         made = [judge_interpretation(one, study.seed, study.trials, known) for one in chosen]
     simulated = [claim for claim in claims.read_claims() if claim.chapter in SIMULATED_CHAPTERS]
@@ -320,13 +320,13 @@ def run_readings(study: Claims) -> xr.Dataset:
 
 
 def log_residual(made: Sequence[verdicts.Check]) -> float:
-    """Return the rms of log(median / stated) over claims that give a value or an interval."""
+    """Return the rms of log(median / claimed) over claims that give a value or an interval."""
     ratios = [check.ratio for check in made if check.claim.relation in ("about", "range")]
     return float(np.sqrt(np.mean(np.log(ratios) ** 2))) if ratios else float("nan")
 
 
 FACTOR_LEVELS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
-THESIS_DRAWS = 50  # trials that stand for the thesis
+THESIS_DRAWS = 50  # trials that are judged as if they were the thesis
 
 POWER_VARIABLES = read_variables(__file__, "power")
 
@@ -345,7 +345,7 @@ def input_files(study: Claims) -> list[Path]:
 
 
 def load_inputs(study: Claims) -> list[xr.Dataset]:
-    """Return what the ledger needs besides the cubes of others, computed once."""
+    """Return the ledger's own runs and its interpretations, computed once and cached."""
     pairs = zip(input_files(study), (run_layouts, run_readings), strict=True)
     return [storage.load_or_compute(path, partial(make, study)) for path, make in pairs]
 
@@ -375,8 +375,8 @@ def compute_power(
 ) -> xr.Dataset:
     """Count claimed values met, expected to be met, and met by errors of other sizes.
 
-    `cube_of` returns the cube of a figure set, or why there is none. Claims of other chapters, and
-    those that cannot be judged, are left out.
+    `cube_of` returns the cube of a figure set, or the reason why there is none. Claims of other
+    chapters, and those that cannot be judged, are left out.
     """
     total, expected = np.zeros(len(SIMULATED_CHAPTERS), int), np.zeros(len(SIMULATED_CHAPTERS))
     scaled = np.zeros((len(SIMULATED_CHAPTERS), len(FACTOR_LEVELS)), int)

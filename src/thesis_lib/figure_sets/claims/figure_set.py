@@ -1,4 +1,4 @@
-"""The ledger, every claim of the thesis: alternative readings, and the draws of its own runs."""
+"""Parameters of the ledger: alternative interpretations, and trials of its own runs."""
 
 from typing import Literal
 
@@ -9,7 +9,7 @@ from thesis_lib.studies.request import Study
 
 
 class Claims(Study):
-    """The ledger: every claim of the thesis beside what this book gets."""
+    """The ledger: every claim of the thesis compared with this book's results."""
 
     name = "claims"
     title = "The ledger: every claim of the thesis"
@@ -30,7 +30,7 @@ class Claims(Study):
 
 
 def reads() -> list[Study]:
-    """Return the requests whose cubes it judges: all other figure sets, as in the thesis."""
+    """Return the requests whose cubes are judged: all other figure sets with their defaults."""
     from thesis_lib.figure_sets.registry import STUDIES
 
     return [request() for name, request in STUDIES.items() if name != Claims.name]

@@ -19,7 +19,7 @@ from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.web.html import COLOURS_CSS, copy_plain, join_modules, read_asset, static_html
 
-VERDICT_MARKS = {  # verdict: colour and shape, so that neither says it alone
+VERDICT_MARKS = {  # verdict: colour and shape, so that colour is not the only cue
     "agrees": (style.BLUE, "o"),
     "within scatter": (style.SKY, "D"),
     "differs": (style.RED, "^"),
@@ -99,8 +99,8 @@ class LedgerTable(anywidget.AnyWidget):
     """A table of claims with their verdicts.
 
     The reader filters by chapter, case, mode, verdict and kind, searches and sorts. On a page
-    without a kernel the filters stand in the address, as in ``claims.html?chapter=3&mode=1``, and
-    ``claims.html#claim-ID`` shows and marks one claim whatever the filters.
+    without a kernel the filters are in the URL, as in ``claims.html?chapter=3&mode=1``, and
+    ``claims.html#claim-ID`` shows and highlights one claim regardless of the filters.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class LedgerTable(anywidget.AnyWidget):
 
 
 def count_totals(cube: xr.Dataset) -> dict[str, Any]:
-    """Count verdicts by chapter and kind; rendered recordings and bookkeeping stand apart."""
+    """Count verdicts by chapter and kind; rendered recordings and bookkeeping are separate."""
     found = ledger.from_cube(cube)
     rows = []
     for chapter, kind, counted in product(ledger.THESIS_CHAPTERS, ledger.KIND_WORDS, (True, False)):
@@ -138,7 +138,7 @@ def count_totals(cube: xr.Dataset) -> dict[str, Any]:
     return {"rows": rows, "every": every, "verdicts": verdicts.VERDICTS}
 
 
-RULES = {  # tolerances, which are equal for all claims
+RULES = {  # tolerances, the same for all claims
     "wider": verdicts.WIDENING_POINTS,
     "wider_below_10": verdicts.WIDENING_POINTS_BELOW_10,
     "effect": f"{trends.MIN_MATERIAL_FALL:.0%}",
@@ -151,7 +151,7 @@ RULES = {  # tolerances, which are equal for all claims
 
 
 def list_differing(cube: xr.Dataset) -> dict[str, Any]:
-    """List the claims that differ by what they have in common; bookkeeping is folded away."""
+    """List the differing claims by common cause; those that do not count are separate."""
     found = [e for e in ledger.from_cube(cube) if e.verdict in ("differs", "undefined")]
     groups = {}
     for words, belongs in _ENTRY_GROUPS.items():
@@ -192,13 +192,13 @@ _SEPARATE_ENTRIES = {
 
 
 def ledger_table(cube: xr.Dataset) -> LedgerTable:
-    """Show all claims, to filter and search: differing ones first, conclusions first of those."""
+    """Return a table of all claims: differing ones first, with conclusions before other kinds."""
     found = sorted(ledger.from_cube(cube), key=_importance)
     return LedgerTable(data={"rows": [entry.row for entry in found]})
 
 
 def _importance(entry: ledger.Entry) -> tuple[bool, int, bool, int, float]:
-    """Sort bookkeeping behind, by verdict, conclusions first, by kind, and by size of deviation."""
+    """Return a sort key: bookkeeping last, verdict, conclusions first, kind, size of deviation."""
     last = entry.kind == "number" and not entry.counted
     ratio = 1.0 if np.isnan(entry.ratio) else entry.ratio
     apart = abs(np.log(ratio)) if ratio > 0 else np.inf
@@ -216,7 +216,7 @@ def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
             "claims": part["reading_claims"].sum("outcome").values,
             "gained": (gained := int(part["gained"])),
             "lost": (lost := int(part["lost"])),
-            # Of the sign test: so few or fewer of the rarer kind, on both sides
+            # p-value of the two-sided sign test
             "chance": min(1.0, 2 * scipy.special.bdtr(min(gained, lost), gained + lost, 0.5)),
             "log_residual": part["log_residual"].values,
         }
@@ -225,7 +225,7 @@ def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
 
 
 def best_reading(cube: xr.Dataset) -> dict[str, Any]:
-    """State whether an interpretation agrees better than the adopted one, beyond chance."""
+    """Return the adopted and best interpretation, and those better than adopted beyond chance."""
     adopted, *others = rows = _interpretations(cube)
     ahead = [row for row in others if row["met"].sum() > adopted["met"].sum()]
     better = [row["name"] for row in ahead if row["chance"] < 0.05]

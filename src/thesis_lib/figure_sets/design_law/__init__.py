@@ -1,1 +1,1 @@
-"""The law of rounding, for those who design a measurement."""
+"""The law of rounding for the design of a measurement."""

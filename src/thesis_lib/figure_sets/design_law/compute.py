@@ -1,6 +1,6 @@
-"""The cube of ``design-law``, and what its tables need besides.
+"""The cube of ``design-law``, and further values for its tables.
 
-It holds the law, simulations, findings, equal pixels, estimators and dither.
+The cube holds the law, simulations, findings, equal pixels, estimators and dither.
 """
 
 import json
@@ -22,10 +22,10 @@ from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import cone_law, dither, pinhole, rounding, simulation, triangulation
 
 CHAPTER_PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
-MOTIONS_PX = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
-CONE_ANGLES_DEG = np.arange(5.0, 86.0)  # degrees, of the cone
-DRAWS_PER_TRIAL = 20  # for each trial, where one costs little
-# What differs by less is equal on some processors and not on others; `variables.toml` says so
+MOTIONS_PX = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))
+CONE_ANGLES_DEG = np.arange(5.0, 86.0)
+DRAWS_PER_TRIAL = 20  # where a draw costs little
+# Smaller differences vary with the processor; `variables.toml` explains it
 MAX_PROCESSOR_DIFFERENCE = 1e-13
 
 VARIABLES = read_variables(__file__, "cube")
@@ -38,7 +38,7 @@ def run(study: DesignLaw) -> xr.Dataset:
     along ``tilt`` and ``opening``, (d) along ``count`` and ``rate``, (e) estimators along
     ``equidistant_rig``, ``noise`` and ``unequal_distance``, with noise at equal pixels along
     ``count``, ``image_noise`` and ``approach``, (f) dither along ``fitted_amplitude``, ``shake``
-    and ``disc``; ``quantity``, ``value`` and ``unit`` are what runs are compared by.
+    and ``disc``. Runs are compared by ``quantity``, ``value`` and ``unit``.
     """
     asked = product(sweeps.STRUCTURES, CHAPTER_PARTS)
     every = [(*a, s) for a in asked for s in sweeps.thesis_study(study, *a).settings()]
@@ -92,7 +92,7 @@ def run(study: DesignLaw) -> xr.Dataset:
 
 
 def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Return (a) along `motion`: the law of one coordinate, and as many draws."""
+    """Return (a) along `motion`: rms errors of one coordinate, by the law and simulated."""
     random = np.random.default_rng(study.seed)
     place = random.uniform(-0.5, 0.5, (DRAWS_PER_TRIAL * study.trials, 1))
     error = pinhole.pixelate(place + MOTIONS_PX) - pinhole.pixelate(place) - MOTIONS_PX
@@ -158,14 +158,14 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
 
 
 def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
-    """Return the published and compared quantities, one number and unit to a row."""
+    """Return the published and compared quantities, one number and unit per row."""
     rows: list[tuple[str, float, str]] = []
 
     def add_quantity(words: str, value: Any, unit: str = "1") -> None:
         rows.append((words, float(value), unit))
 
     def add_along(words: str, values: xr.DataArray, unit: str) -> None:
-        """Add each value of a variable along one dimension, whose coordinate is in the words."""
+        """Add each value along the only dimension of a variable, with its coordinate in `words`."""
         for one in values:
             add_quantity(words.format(one[values.dims[0]].item()), one, unit)
 
@@ -225,7 +225,7 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
 
 
 SHOWN_NOISES_PX = (0.0, 0.05, 0.1, 0.3)
-DITHERED = {  # what keeps pixels from rounding alike: its name in words, and values to list in px
+DITHERED = {  # kind of dither: its name in words, and values to list in px
     "fitted_amplitude": ("amplitude", (0.25, 0.5, 1, 2, 5)),
     "shake": ("shake", (0.1, 0.2, 0.3, 0.5)),
     "disc": ("diameter", (3, 5, 10)),
@@ -234,7 +234,7 @@ _OF_MARKERS = {"marker": shares.MARKER_DIAMETER_M, "followed_px": shares.FOLLOWE
 
 
 def largest_std(cube: xr.Dataset, *names: str) -> float:
-    """Return the largest standard error of drawn variables relative to them, NaN of one draw."""
+    """Return the largest relative standard error of drawn variables, NaN for a single draw."""
     stds = [(cube[f"{name}_std"] / cube[name].where(cube[name] > 0)).values for name in names]
     largest = float(np.fmax.reduce(np.concatenate([np.ravel(one) for one in stds])))
     return largest if np.isfinite(largest) else np.nan
@@ -253,7 +253,7 @@ def compare_settings(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def describe_cone(cube: xr.Dataset) -> dict[str, Any]:
-    """Return the largest motions that are drawn, and those up to which closed forms hold."""
+    """Return the largest drawn motion, and the one up to which closed forms hold."""
     asked = json.loads(cube.attrs["parameters"])
     pixel = asked["sensor_width_mm"] / (asked["focal_length_mm"] * asked["resolution_px"][0])
     return {
@@ -276,7 +276,7 @@ def compare_exponents(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def summarise_findings(cube: xr.Dataset) -> dict[str, Any]:
-    """Return what lower elevations than 20° gain, structure by structure."""
+    """Return the error at 20° elevation over that at the lowest, structure by structure."""
     low = cube.sel(finding="elevation")
     gains = [
         np.interp(20, part["swept"], part["expected_error"]) / float(part["expected_error"][0])
@@ -296,7 +296,7 @@ def compare_estimators(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def list_dither(cube: xr.Dataset) -> dict[str, Any]:
-    """List the remaining error of one rounded coordinate at a few motions, shakes and sizes."""
+    """List the residual error of one rounded coordinate at a few motions, shakes and sizes."""
     rows = []
     for name, (kind, values) in DITHERED.items():
         for value in values:
@@ -313,7 +313,7 @@ def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
     counts: list[int] = cube["count"].values.tolist()
     followed = cube["count"].where(cube["marker_height"] >= shares.FOLLOWED_PX, 0)
     most = [int(largest) for largest in followed.max("count").values]  # or 0, at each rate
-    if short:  # besides the most whose markers can be followed
+    if short:  # and the largest numbers whose markers can be tracked
         ordered = sorted(counts)
         counts = sorted({ordered[0], ordered[len(counts) // 2], ordered[-1], *filter(None, most)})
     return {
@@ -329,20 +329,20 @@ def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
 
 
 def list_noisy(cube: xr.Dataset) -> dict[str, Any]:
-    """Return the cameras whose errors with noise are listed, by each estimator."""
+    """Return numbers of cameras and noises for the table of errors with noise."""
     slowest = cube.sel(rate=cube["rate"].min())
     counts = np.sort(cube["count"].values)
     return {"counts": counts, "slowest": slowest, "shown": SHOWN_NOISES_PX, **_OF_MARKERS}
 
 
 def _double_counts(cube: xr.Dataset) -> IntArray:
-    """Return the numbers of cameras that are the least times a power of two."""
+    """Return the numbers of cameras that are the smallest one times a power of two."""
     counts = np.sort(cube["count"].values)
     return np.asarray(counts[np.log2(counts / counts[0]) % 1 == 0])
 
 
 def summarise_noisy(cube: xr.Dataset) -> dict[str, Any]:
-    """List that table for about half as many numbers of cameras, and state what noise leaves."""
+    """Return the table of errors with noise for fewer numbers of cameras, and its main numbers."""
     errors, least = 1e6 * cube["noisy_share_error"], 1e6 * cube["least_share_error"]
     squares, centre, interval = (errors.sel(approach=name) for name in errors["approach"].values)
     few, many = int(cube["count"].min()), int(cube["count"].max())
@@ -371,7 +371,7 @@ def summarise_noisy(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def list_mistakes(cube: xr.Dataset) -> dict[str, Any]:
-    """List the cost of wrong noise and outliers for *interval*, and state it in numbers."""
+    """Return the errors of *interval* with wrongly assumed noise or outliers, and the extremes."""
     names = [str(one) for one in cube["approach"].values]
     squares, centre, interval = (cube["mistaken_error"].sel(approach=name) for name in names)
     doubled, rows = _double_counts(cube), []

@@ -13,8 +13,8 @@ from thesis_lib.studies import fields, request
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
 
 LEAST_PX = 16  # width of a sensor
-MOST_FRAMES = 4000  # of a film
-FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared out
+MOST_FRAMES = 4000  # of a recording
+FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared
 Count = Annotated[fields.Whole, Field(ge=2, le=100)]
 
 

@@ -13,9 +13,9 @@ from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision import cone_law, dither, rounding
 
-TEXTS = compute.TEXTS  # which a cube's texts are filled with
-FIGURE_SIZE_IN = (7.2, 3.3)  # inches
-_CURVE_POINTS = 1001  # motions up to the largest at which the law is drawn
+TEXTS = compute.TEXTS  # values for the templates of texts
+FIGURE_SIZE_IN = (7.2, 3.3)
+_CURVE_POINTS = 1001  # motions at which the law is drawn
 DRAWN_ANGLE_STEP = 5  # of the drawn angles, so that dots stand apart
 PERCENT_TICKS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
@@ -99,7 +99,7 @@ def cone(cube: xr.Dataset) -> Figure:
 
 
 def findings(cube: xr.Dataset) -> Figure:
-    """Plot distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
+    """Plot errors by distance, resolution, number, elevation, aperture; and exponents of arrays."""
     drawing, grid = style.subplots(2, 3, figsize=(7.6, 5.4))
     labels = {
         "distance": "distance d in mm",
@@ -153,7 +153,7 @@ def findings(cube: xr.Dataset) -> Figure:
 
 
 def shares(cube: xr.Dataset) -> Figure:
-    """Plot equal pixels per second in two to many cameras: one frame, a fit to all, the sensors."""
+    """Plot errors at equal pixels per second, of one frame and a fit to all, and sensor widths."""
     drawing, (frame, film, sensor) = style.subplots(1, 3, figsize=(7.6, 3.9))
     cube = cube.sortby("count")
     n, law = cube["count"].values, {"marker": "_", "ms": 9, "mew": 1.5, "ls": "none"}
@@ -203,7 +203,7 @@ def estimators(cube: xr.Dataset) -> Figure:
     drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN)
     n = cube["equidistant_rig"].values
     for k, part in enumerate(iterate_slices(cube, "rule")):
-        # the first, linear, coincides with the second: it is drawn wide below
+        # the first, linear, coincides with the second, so it is drawn wider and below
         size = {"ms": 7, "lw": 4, "alpha": 0.5} if k == 0 else {"ms": 4, "lw": 1.3}
         look: Any = {"color": style.cycle_color(k), "marker": "osD^"[k % 4], **size}
         words = str(part["rule"].item())

@@ -1,9 +1,9 @@
-"""Parts (d) to (f) of ``design-law``: cameras at equal pixels a second, estimators, dither.
+"""Parts (d) to (f) of ``design-law``: cameras at equal pixels per second, estimators, dither.
 
-The thesis asks whether several cameras with few pixels can take the place of two with many. In
-part (d) N cameras on a cone share a number of pixels per second: N × width × height × frames per
-second is the same for all. One frame is judged by the error of the beam's markers, all frames
-together by the error of an amplitude that is fitted to a film of the centre.
+The thesis asks whether several cameras with few pixels can replace two with many. In part (d) N
+cameras on a cone share a number of pixels per second: N × width × height × frames per second is the
+same for all. One frame is judged by the error of the beam's markers, all frames together by the
+error of an amplitude that is fitted to the motion of the centre.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -19,20 +19,20 @@ from thesis_lib.vision import cone_law, dither, interval, rounding, simulation, 
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
 
-ESTIMATORS = ("least squares", "analytic centre", "interval")  # that all is drawn with
+ESTIMATORS = ("least squares", "analytic centre", "interval")  # of all simulations
 _RULES = [name.replace(" ", "-") for name in ESTIMATORS]  # as `simulation` names them
 
-MARKER_DIAMETER_M = 0.005  # m, diameter of a marker in chapter 5
-# Height of a marker's image from which on the laboratory's tracker follows all of them: in
+MARKER_DIAMETER_M = 0.005  # in chapter 5
+# Least height of a marker's image at which the laboratory's tracker follows all markers: in
 # `lab-elevation` it loses some, or all, at 1.4 px and below, and none at 1.6 px.
 FOLLOWED_PX = 1.5
-MAX_FITTED_TRIALS = 100  # trials of films at most: they take longest
-MAX_FRAME_TRIALS = 50  # of one frame: 75 motions each, which know an rms to some percent
-_FILM_VALUES = 50_000  # camera × point values at a time: what stays in cache
+MAX_FITTED_TRIALS = 100  # of fits to all frames, which take longest
+MAX_FRAME_TRIALS = 50  # of one frame: 75 motions each, which give an rms to some percent
+_FILM_VALUES = 50_000  # camera × point values at a time, which fit the processor's cache
 
 
 def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Return the cameras on the cone that share a number of pixels per second, around the beam."""
+    """Predict and simulate errors of cameras on a cone around the beam, at equal pixel rates."""
     widths, heights, frame_rate = study.shared
     focal = study.focal_length_mm / study.sensor_width_mm * widths
     angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
@@ -71,7 +71,7 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         "average_error": centre,
         "frame_error": percent * law,
         **with_std("drawn_frame_error", percent * drawn),
-        # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
+        # One frame has the errors of two roundings; an amplitude has 2/n of the variance of one.
         "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
         "useful_frames": dither.useful_frames(
             motion[..., None] * spread_factors(MAX_FITTED_TRIALS)
@@ -93,17 +93,17 @@ def one_frame(rig: CameraArray, points: Array, study: DesignLaw) -> Array:
 
 
 def spread_factors(n: int) -> Array:
-    """Return the factors from half to one and a half, whose mean is one."""
+    """Return `n` factors between 0.5 and 1.5 whose mean is 1."""
     return 0.5 + (np.arange(n) + 0.5) / n
 
 
 def sample_vibration(frame_rate: float, study: DesignLaw) -> tuple[Array, Array, Array]:
     """Sample a vibration of the centre along Z as a camera does, with random phases.
 
-    Returned are the point's places in m, shape (3, trials, frames), its amplitudes in m, shape
+    Returns the positions of the point in m, shape (3, trials, frames), its amplitudes in m, shape
     (trials,), and the pseudo-inverse of their fit: rows for cosine, sine and constant, shape
-    (trials, 3, frames). Amplitudes differ, so that what depends on their fraction of a pixel
-    averages out.
+    (trials, 3, frames). Amplitudes differ, so that effects of their fraction of a pixel average
+    out.
     """
     trials, n_frames = min(study.trials, MAX_FITTED_TRIALS), round(frame_rate * study.duration_s)
     random = np.random.default_rng(study.seed)
@@ -117,11 +117,11 @@ def sample_vibration(frame_rate: float, study: DesignLaw) -> tuple[Array, Array,
 
 
 def round_images(rig: CameraArray, filmed: Array, seed: int) -> tuple[Array, IntArray]:
-    """Round the images (cameras, 2, m) of a film, equal ones once, and return their indices.
+    """Round the images of a moving point; return distinct ones (cameras, 2, m) and their indices.
 
-    The latter has the shape (trials, frames). All frames of a camera share one pixel grid, so that
-    those of a trial show the same pixels wherever the point moves less than it takes to tell. In
-    the order of its height such frames are neighbours.
+    The indices have the shape (trials, frames). All frames of a camera share one pixel grid, so
+    frames of a trial have the same pixels where the point moves too little to change them. Sorted
+    by the height of the point, such frames are neighbours.
     """
     trials, n_frames = filmed.shape[1:]
     shifts = np.moveaxis(rounding.grid_shifts(seed, trials, len(rig))[1:], 0, 2)[..., None]
@@ -144,9 +144,9 @@ def round_images(rig: CameraArray, filmed: Array, seed: int) -> tuple[Array, Int
 
 
 def predict_amplitude_error(rig: CameraArray, filmed: Array, inverse: Array) -> float:
-    """Return the rms amplitude error in m by the law, to first order: errors repeat by the frame.
+    """Return the rms amplitude error in m by the law, to first order.
 
-    On a cone all cameras see the same motion, in v alone.
+    All frames share one pixel grid. On a cone all cameras see the same motion, only in v.
     """
     v = project(rig.P[:1], filmed)[0, 1]
     each = cone_law.error_of_sum(v, inverse[:, 0])
@@ -154,21 +154,21 @@ def predict_amplitude_error(rig: CameraArray, filmed: Array, inverse: Array) -> 
     return float(np.sqrt(np.mean(each**2) * np.sum(g**2)))
 
 
-NOISES_PX = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)  # px
-# What `interval` may not know: the noise in px, the noise in px that it is told, and the share of
-# image coordinates that lie OUTLIER_PX to one side.
+NOISES_PX = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
+# Wrong assumptions of `interval`: the true noise in px, the assumed noise in px, and the share of
+# image coordinates that are outliers by OUTLIER_PX.
 ASSUMED_MISTAKES = {
     "0.2 px, told 0.05 px": (0.2, 0.05, 0.0),
     "none, told 0.1 px": (0.0, 0.1, 0.0),
     "0.05 px, and 2 % outliers": (0.05, 0.05, 0.02),
 }
-OUTLIER_PX = 2.0  # pixels next to the right one, which no noise of MISTAKES explains
-DRAWS_PER_TRIAL, MAX_DRAWS = 5, 1000  # for each trial, and markers altogether
-_MIN_GAIN = 0.02  # share of the error: what gains less has nothing to lose
+OUTLIER_PX = 2.0  # px from the right pixel, more than the noise of ASSUMED_MISTAKES explains
+DRAWS_PER_TRIAL, MAX_DRAWS = 5, 1000  # markers per trial, and markers in all
+_MIN_GAIN = 0.02  # share of the error; smaller gains count as none
 
 
 def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Return deflection errors of every number of cameras, with every noise and mistake."""
+    """Simulate deflection errors of every number of cameras, with every noise and mistake."""
     slowest = int(np.argmin(study.frame_rates_hz))
     settings = study.settings()[slowest :: len(study.frame_rates_hz)]
     shape = (len(settings), len(NOISES_PX))
@@ -193,7 +193,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
             if sigma:
                 variance = interval.least_covariance(rig.P, points, sigma)[2, 2].sum(axis=0)
                 least[i, k] = np.sqrt(np.mean(variance))
-        # Below half the share to one side, above to the other
+        # Half of the outliers lie to each side
         lottery = random.random(images.shape)
         for k, (sigma, told, share) in enumerate(ASSUMED_MISTAKES.values()):
             aside = (lottery < share / 2).astype(float) - (lottery > 1 - share / 2)
@@ -215,7 +215,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
 
 
 def half_gain_noise(gains: Array, noises: Sequence[float] = NOISES_PX) -> float:
-    """Return the noise (px) that halves the first of the gains at `noises`; NaN without one."""
+    """Return the noise in px that halves the first of the gains at `noises`, NaN if none does."""
     below = np.flatnonzero(gains < gains[0] / 2)
     if gains[0] < _MIN_GAIN or not below.size:
         return float("nan")
@@ -225,19 +225,19 @@ def half_gain_noise(gains: Array, noises: Sequence[float] = NOISES_PX) -> float:
 
 # (e) Estimators for whole pixels, and (f) dither.
 
-EQUIDISTANT_COUNTS = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
-CROWD_DISTANCE_M = 0.75  # m
-RIG_NOISES_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
+EQUIDISTANT_COUNTS = (4, 8, 12, 16, 32, 64)  # cameras at CROWD_DISTANCE_M
+CROWD_DISTANCE_M = 0.75
+RIG_NOISES_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # of NOISY_CAMERAS
 NOISY_CAMERAS = 12
-WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, where a tolerance is looked for
-NOISY_LAYOUTS, NOISY_LAYOUT_CAMERAS = 150, 640  # at most there: layouts, and cameras in all of them
+WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, searched for a tolerance
+NOISY_LAYOUTS, NOISY_LAYOUT_CAMERAS = 150, 640  # limits there: layouts, and cameras in all layouts
 COMPARED_ESTIMATORS = ("least-squares", "analytic-centre")
-UNEQUAL_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
+UNEQUAL_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))
 SHARP_SIZE_PX, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
-MAX_LAYOUTS, MAX_MARKERS = 30, 100  # at most
-FITTED_AMPLITUDES_PX = np.round(np.geomspace(0.05, 10, 47), 4)  # px, amplitudes
-SHAKES_PX = np.round(np.linspace(0, 1, 21), 9)  # px, standard deviations
-DISC_DIAMETERS_PX = np.arange(2.0, 13.0)  # px, diameters
+MAX_LAYOUTS, MAX_MARKERS = 30, 100
+FITTED_AMPLITUDES_PX = np.round(np.geomspace(0.05, 10, 47), 4)
+SHAKES_PX = np.round(np.linspace(0, 1, 21), 9)  # standard deviations
+DISC_DIAMETERS_PX = np.arange(2.0, 13.0)
 SHAKE_FRAMES = 100  # of a shaking camera
 SINUSOID_FRAMES = 997  # frames of a sinusoid, for all phases
 
@@ -251,7 +251,7 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
 
     lens = {"focal_px": SHARP_FOCAL_PX, "size": SHARP_SIZE_PX}
     sharp = [errors(stand, **lens) for stand in UNEQUAL_DISTANCES_M]
-    # each is drawn once: those without noise are among the first
+    # each rig is simulated once: those without noise are in `clean`
     clean = {n: errors((CROWD_DISTANCE_M,) * n) for n in EQUIDISTANT_COUNTS}
     crowd = (CROWD_DISTANCE_M,) * NOISY_CAMERAS
     noisy = [errors(crowd, noise_px=n) if n else clean[NOISY_CAMERAS] for n in RIG_NOISES_PX]
@@ -262,7 +262,7 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
         ],
         **_name_errors("equidistant_rig_error", clean.values()),
         **_name_errors("noise_error", noisy),
-        "unequal_distance_error": np.median(sharp, axis=1),  # some layouts are hopeless
+        "unequal_distance_error": np.median(sharp, axis=1),  # some layouts have huge errors
     }
 
 
@@ -272,10 +272,10 @@ def _name_errors(name: str, drawn: Iterable[Array]) -> dict[str, ArrayLike]:
 
 
 def noise_tolerance(n_cameras: int, layouts: int, seed: int) -> float:
-    """Return the noise in px before the rounding that leaves the analytic centre half of its gain.
+    """Return the noise in px before rounding that halves the gain of the analytic centre.
 
-    The gain is how much less than that of least squares its error is, relative to it. NaN without
-    one, as few layouts may have it.
+    The gain is the relative reduction of the error compared with least squares. NaN if it is too
+    small, as for few layouts; infinite if no noise halves it.
     """
     stand, gains = (CROWD_DISTANCE_M,) * n_cameras, np.empty(0)
     how: Any = {"seed": seed, "rules": COMPARED_ESTIMATORS}

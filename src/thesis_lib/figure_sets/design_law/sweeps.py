@@ -19,10 +19,10 @@ STRUCTURES: dict[str, Callable[[], Structure]] = {
     "plate": setups.thesis_plate,
 }
 SWEPT_FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
-SWEEP_STEPS = 61  # of a sweep
-WIDE_DEG = 60.0  # aperture from which on the rest is counted
-CONE_MOTION_PX = 4.0  # range of random motions on the cone, in which every fraction is as likely
-AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the thesis's is averaged
+SWEEP_STEPS = 61
+WIDE_DEG = 60.0  # aperture whose error is compared with the least
+CONE_MOTION_PX = 4.0  # range of random motions on the cone; all fractions of a px are as likely
+AMPLITUDE_RANGE = (0.5, 1.5)  # of averaged amplitudes, relative to the thesis's
 
 
 def sweep_values(structure: str, finding: str) -> Array:
@@ -43,10 +43,10 @@ def sweep_values(structure: str, finding: str) -> Array:
 def step_rig(
     study: DesignLaw, structure: str, finding: str, value: float
 ) -> tuple[CameraArray, float, float]:
-    """Return the cameras of one step; all else is as in the thesis's study of it.
+    """Return the cameras of one step, otherwise as in the thesis, and two closed-form errors.
 
-    After them come the errors of a deflection at the centre in m, by the closed forms: of rounding
-    with amplitudes averaged, and of independent noise as large in every coordinate.
+    These are errors of a deflection at the centre in m: by rounding with averaged amplitudes, and
+    by independent noise of the same size in every coordinate.
     """
     size = study.resolution_px
     if finding == "resolution":
@@ -76,7 +76,7 @@ def mode_shapes(structure: Structure, peak: float) -> Array:
 
 
 def noise_error(cameras: CameraArray, points: Array) -> float:
-    """Return the rms error in m of markers (3, m) by independent noise, 1/6 px² a coordinate."""
+    """Return the rms error in m of markers (3, m) by independent noise, 1/6 px² per coordinate."""
     g = triangulation.triangulation_gain(cameras.P, points)[2]
     return float(cone_law.MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
 
@@ -84,7 +84,7 @@ def noise_error(cameras: CameraArray, points: Array) -> float:
 def predicted_rms(cameras: CameraArray, points: Array) -> float:
     """Return the rms deflection error in m of markers (3, 1 + modes, m) by the law of rounding.
 
-    Averaged over amplitudes from half to one and a half of theirs; the first are at rest.
+    It is averaged over 0.5 to 1.5 times their amplitudes; the first markers are at rest.
     """
     g = triangulation.triangulation_gain(cameras.P, points[:, 0])[2]
     images = project(cameras.P, points)
@@ -100,12 +100,12 @@ def exact_rms(cameras: CameraArray, points: Array) -> float:
 
 
 def with_std(name: str, found: Iterable[ArrayLike]) -> dict[str, ArrayLike]:
-    """Name rms errors, and the standard errors that come after them, as two variables."""
+    """Return rms errors and their standard errors as two variables by name."""
     return dict(zip((name, f"{name}_std"), found, strict=True))
 
 
 def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Return the distance, resolution, number, elevation and aperture, each by itself."""
+    """Compute errors and exponents by distance, resolution, number, elevation and aperture."""
     values = np.empty((len(SWEPT_FINDINGS), len(STRUCTURES), SWEEP_STEPS))
     kinds = ("expected", "exact", "centre", "noisy", "noisy_centre", "small")
     found = np.empty((len(kinds), *values.shape))
@@ -133,7 +133,7 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
                 base = np.cos(np.radians(values[f, s])) if low else values[f, s]
                 for kind, powers in exponents.items():
                     powers[f, s] = simulation.fit_exponent(base, errors[kind][f, s])
-        # Every degree: with amplitudes as they are the law has many dips
+        # Every degree, since at a single amplitude the law has many dips
         apertures = np.arange(10.0, 181.0)
         tried = [step_rig(study, name, "aperture", one)[0] for one in (*apertures, WIDE_DEG)]
         for k, law in enumerate((exact_rms, predicted_rms)):
@@ -156,7 +156,7 @@ def thesis_study(study: DesignLaw, structure: str, part: str) -> Any:
 
 
 def fit_arrays(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Fit the exponent in the number of cameras of the thesis's growing arrays."""
+    """Fit the exponent of the error in the number of cameras, for the thesis's growing arrays."""
     found = np.empty((len(setups.camera_pairs()), len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
         points = mode_shapes(make(), float(setups.assumed_values(name)["amplitude_mm"]) / 1000)
@@ -171,17 +171,17 @@ def fit_arrays(study: DesignLaw) -> dict[str, ArrayLike]:
     return {"array_exponent": found}
 
 
-ELEVATIONS_DEG = (10.0, 25.0, 60.0)  # degrees, elevations
-APERTURES_DEG = (16.0, 60.0, 120.0, 180.0)  # degrees, apertures
-SWING_PX = 1.0  # range of random motions: every fraction of a pixel alike
-DRAWS_PER_TRIAL = 20  # for each trial
+ELEVATIONS_DEG = (10.0, 25.0, 60.0)
+APERTURES_DEG = (16.0, 60.0, 120.0, 180.0)
+SWING_PX = 1.0  # range of random motions; all fractions of a pixel are as likely
+DRAWS_PER_TRIAL = 20
 
 
 def pair_errors(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Return deflections of the centre, seen by a pair: closed forms, and drawn by triangulation.
+    """Return deflection errors of the centre by a pair of cameras: closed forms and simulated.
 
-    Rounded on grids that rest and moved image share, and with noise of the same 1/6 px² that every
-    image coordinate has by itself.
+    Images at rest and moved are rounded on the same grid, or have independent noise, whose
+    difference has the same variance, 1/6 px² per coordinate.
     """
     distance, size = study.cone_distance_mm / 1000, study.resolution_px
     focal = study.focal_length_mm / study.sensor_width_mm * size[0]

@@ -1,6 +1,6 @@
 """Drawings of the laboratory: the rig, the board on each sensor, the sound, and a marker over time.
 
-Figures of the notebooks are those of all beams (:func:`thesis_lib.plotting.panels.beam_figure`).
+The notebooks use the figure of all beams (:func:`thesis_lib.plotting.panels.beam_figure`).
 """
 
 from typing import Any
@@ -27,11 +27,11 @@ TIP_MARKER = MARKERS.middle_row.stop - 1  # the last on the beam's axis, which m
 WIDTH_IN = 5.5  # in: on a phone the letters are then hardly smaller than the text
 SKETCH_INK, BEAM_GREY, SENSOR_GREY = "#333333", "#dcdcdc", "#f4f4f4"
 WHITE_GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
-RESIDUAL_FACTOR = 8000.0  # times that residuals are drawn larger
+RESIDUAL_FACTOR = 8000.0  # magnification of drawn residuals
 
 
 def write_label(axes: Axes, place: Any, text: str, **look: Any) -> None:
-    """Write letters in ink, in the middle of a place if not said otherwise."""
+    """Write a text in ink, centred at a place by default."""
     how: Any = {"ha": "center", "va": "center", "color": SKETCH_INK, **look}
     axes.text(place[0], place[1], text, **how)
 
@@ -43,21 +43,20 @@ def draw_box(axes: Axes, corner: Any, size: Any, ground: str, **look: Any) -> No
 
 
 def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, **line: Any) -> None:
-    """Draw an arrow in ink."""
     arrow = {"arrowstyle": heads, "color": SKETCH_INK, **line}
     axes.annotate("", end, start, zorder=zorder, arrowprops=arrow)
 
 
 def way_of(data: xr.Dataset, method: str) -> Way:
-    """Return the way that takes all cameras at the largest width."""
+    """Return the way of measuring by a method with all cameras at the largest width."""
     return method, CAMERA_NAMES, int(data["width"].max())
 
 
 def draw_rig(data: xr.Dataset) -> Figure:
-    """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
+    """Draw the calibrated cameras and the beam with its printed markers (figures 5.1, F.1)."""
     found = select_tracks(data, way_of(data, "harmonic"))
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
-    axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
+    axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # viewing directions
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
     figure, axes = style.subplots(3, 1, figsize=(WIDTH_IN, 6.1), height_ratios=[3.9, 1.75, 0.75])
     _draw_plan(axes[0], centres, looks)
@@ -67,7 +66,7 @@ def draw_rig(data: xr.Dataset) -> Figure:
 
 
 def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
-    """Draw triangles where cameras (2, n) stand, turned to where they look, with their axes.
+    """Draw cameras (2, n) as triangles along their viewing directions, with their axes.
 
     Cameras that hide each other share a label.
     """
@@ -127,7 +126,7 @@ def _draw_axes(axes: Axes, names: str) -> None:
 
 
 def _draw_angle(axes: Axes, low: float, high: float, place: Any, text: str) -> None:
-    """Draw an arc between two directions in °, and write their angle beside it."""
+    """Draw an arc between two directions in °, and write their angle next to it."""
     look: Any = {"color": style.HIGHLIGHT_COLOR}
     axes.add_patch(Arc((0, 0), 560, 560, theta1=low, theta2=high, linewidth=1.4, **look))
     write_label(axes, place, text, ha="left", **look)
@@ -139,7 +138,7 @@ def _hide_axes(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> No
 
 
 def _draw_layout(axes: Axes) -> None:
-    """Draw markers, hole and shaker on the beam; its title says what is printed, in mm."""
+    """Draw markers, hole and shaker on the beam, with the printed dimensions in mm in the title."""
     length, width = 1e3 * np.array(MARKERS.extent)
     places, radius, row = 1e3 * MARKERS.positions, 500 * MARKERS.diameter, MARKERS.columns
     apart = (
@@ -228,7 +227,7 @@ def draw_sound(data: xr.Dataset) -> Figure:
 
 
 def _find_crossing(time: Array, signal: Array, before: float) -> float:
-    """Find the steepest zero crossing before a time, where a delay is seen best."""
+    """Find the steepest zero crossing before a time, which shows a delay best."""
     steps = round(0.02 / (time[1] - time[0]))
     smooth = np.convolve(signal, np.ones(steps) / steps, "same")
     signs = np.flatnonzero((smooth[:-1] * smooth[1:] < 0) & (time[1:] < before))

@@ -1,7 +1,7 @@
-"""Chapter 5's way through the steps of :mod:`thesis_lib.measure.steps`.
+"""Measurement of chapter 5's recordings by the steps of :mod:`thesis_lib.measure.steps`.
 
-Beside the full calibration stands the thesis's own, and markers are followed at several widths.
-What comes out is one dataset that the methods work on; nothing here knows the truth.
+Cameras are calibrated in full and as in the thesis, and markers are tracked at several widths. The
+methods of chapter 5 work on the resulting dataset; nothing here uses the truth.
 """
 
 from collections.abc import Sequence
@@ -32,8 +32,8 @@ RECORDING_VARIABLES = read_variables(__file__, "recording")
 def calibrate_centrally(corners: Array, manifest: Manifest) -> bundle_adjustment.Adjustment:
     """Calibrate as the thesis does (Appendices D and E), from corners in px.
 
-    By Zhang's method on the central 5 × 7 squares; then all poses are refined in common, in the
-    frame of the first shot.
+    Zhang's method uses the central 5 × 7 squares; then all poses are refined together, in the frame
+    of the first calibration image.
     """
     board = manifest.board.board
     used = corners[..., rig.central_corners(board)]
@@ -52,9 +52,9 @@ def measure_recordings(
     widths: Sequence[int],
     windows: Sequence[tuple[Array, tuple[int, int]]] = (),
 ) -> xr.Dataset:
-    """Calibrate, listen and track, at some widths in px.
+    """Calibrate, synchronise and track a recording, at some widths in px.
 
-    Videos may hold parts of the sensors: `windows`, of each its corner and its size in px.
+    Videos may hold parts of the sensors: `windows` are the corner and size of each in px.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def measure_recordings(
     """
     calibration, sound = calibrate_rig(manifest, folder, steps), read_sound(manifest, folder, steps)
     seen, corners = calibration, np.zeros((len(manifest.cameras), 2))
-    if windows:  # whose frames are smaller than the manifest says
+    if windows:  # their frames are smaller than the manifest states
         clocks = [clock_of(camera, folder) for camera in manifest.cameras]
         corners, sizes = (np.array(part) for part in zip(*windows, strict=True))
         K = calibration["K"].copy(deep=True)
@@ -77,7 +77,7 @@ def measure_recordings(
     names = [camera.name for camera in manifest.cameras]
     both = stack_padded(np.load(own.path).swapaxes(0, 1) for own in followed)
     both = both.reshape(len(names), 2, len(widths), *both.shape[2:])
-    both += (shares[:, None] * corners[:, None])[:, None, :, None, :, None]  # on the sensors
+    both += (shares[:, None] * corners[:, None])[:, None, :, None, :, None]  # on whole sensors
     thesis = calibrate_centrally(calibration["corners"].values, manifest)
     cameras = [thesis.cameras, rig.cameras_in(calibration)]
     rates = [c.frame_rate_hz for c in manifest.cameras]
@@ -136,7 +136,7 @@ class Tracks(fits.Fitted):
     times: Array  #: On the reference camera's clock, s, shape (cameras, frames)
     #: Delays to the first of these cameras in whole frames (eq. 5.2), shape (cameras,)
     frames: IntArray
-    rest_frames: int  #: Frames that `rest` is the mean of
+    rest_frames: int  #: Number of frames averaged in `rest`
 
     @property
     def rate(self) -> float:
@@ -145,10 +145,10 @@ class Tracks(fits.Fitted):
 
 
 def select_tracks(data: xr.Dataset, way: Way) -> Tracks:
-    """Return the tracks that are measured in one way, by the calibration that it takes.
+    """Return the tracks for one way of measuring, undistorted by its method's calibration.
 
-    Where centres are *matched*, they are those of the template match: at rest those of the first
-    frame, and in motion they scatter about the harmonics of the fitted ones.
+    The method *matched* uses the centres of the template match: at rest those of the first frame;
+    in motion their scatter is that about the harmonics of the fitted centres.
     """
     (method, names, width), markers = way, rows_on(setups.thesis_beam())
     data = data.sel(camera=list(names))
@@ -159,7 +159,7 @@ def select_tracks(data: xr.Dataset, way: Way) -> Tracks:
     times = own_times + delays[:, None]
     omega = 2 * np.pi * float(data["frequency"])
     begin, end = data["steady"].values
-    # Where the second harmonic nears the frame rate less the first, frames cannot tell them apart.
+    # Frames cannot separate the second harmonic from the first if 2f is near the frame rate less f.
     order = MAX_HARMONIC_ORDER if float(data["frequency"]) < 0.2 * rates.min() else 1
     steady = (times >= begin) & (times <= end)
     resting = own_times < float(data["rest"]) - 1 / rates.min()
@@ -189,14 +189,14 @@ def _undistort_tracks(cameras: list[pinhole.Camera], raw: Array) -> Array:
 
 @dataclass(frozen=True)
 class Instant:
-    """The maxima of the deflection, as the force's phase tells them."""
+    """The maxima of the deflection, predicted from the phase of the force."""
 
     omega: float  #: Angular frequency in rad/s
     phase: float  #: Phase of the deflection on the reference camera's clock, rad
-    times: Array  #: The maxima of the steady part, s, shape (maxima,)
+    times: Array  #: The maxima in the steady-state interval, s, shape (maxima,)
 
     def nearest(self, rate: float, offset: float = 0.0) -> tuple[float, float]:
-        """Find the maximum that a frame comes nearest to, and that frame's time, in s.
+        """Find the maximum that is nearest to any frame, and the time of that frame, in s.
 
         Frames are at (k + offset) / rate.
         """
@@ -206,7 +206,7 @@ class Instant:
 
 
 def find_maxima(data: xr.Dataset, damping: float) -> Instant:
-    """Find the maxima: at the resonance they lag the force by a quarter period, less ξ."""
+    """Find the maxima; at resonance they lag the force by π/2 − ξ."""
     omega = 2 * np.pi * float(data["frequency"])
     real, imaginary = data["force"].values
     phase = float(np.arctan2(imaginary, real) - (np.pi / 2 - damping))
@@ -222,13 +222,13 @@ def measure_deflection(
 ) -> tuple[Array, Array]:
     """Measure the deflection of all markers at its maximum by one method, (markers,), m.
 
-    Its standard uncertainty, which is returned too, is that by the noise of the centres alone.
+    Its standard uncertainty, also returned, includes only the noise of the centres.
     """
     P, omega = tracks.P, instant.omega
     if method == "harmonic":
         shape = fits.real_shape(fits.deflection_amplitude(tracks, omega, exposures), instant.phase)
         return shape, fits.amplitude_std(tracks, omega, exposures)
-    if method in ("matched", "literal"):  # they take frames as they are
+    if method in ("matched", "literal"):  # without interpolation between frames
         uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
         noise_gain = 1.0
     else:
@@ -247,7 +247,7 @@ def _find_maximum_frames(tracks: Tracks, instant: Instant) -> IntArray:
     """Return each camera's frame nearest to a maximum that all recorded, shape (cameras,)."""
     first = tracks.times[0, 0] * tracks.rate
     frames = np.rint(instant.times * tracks.rate - first).astype(int)[:, None] - tracks.frames
-    followed = np.asarray(np.isfinite(tracks.uv).any(axis=(2, 3)))  # who started first ends first
+    followed = np.asarray(np.isfinite(tracks.uv).any(axis=(2, 3)))  # the first to start ends first
     there = (frames >= 0) & (frames < followed.shape[1])
     there &= followed[np.arange(len(followed)), np.where(there, frames, 0)]
     common = there.all(axis=1)

@@ -1,6 +1,6 @@
 """Figures and paragraphs of the page that walks through chapter 5, from its recordings.
 
-What the cameras see is drawn with what is found in it, a figure for each step of the chain.
+Each step of the measuring chain has a figure: camera images with the features found in them.
 """
 
 import io
@@ -45,13 +45,13 @@ def _draw_photo(
     scale: float = 1.0,
     border: str = "",
 ) -> None:
-    """Draw an image in its own pixels, or a part of it; `scale` px of the axes are one.
+    """Draw an image or a part of it, pixel by pixel; one pixel spans `scale` px of the axes.
 
-    A `border` has the colour in which another panel shows where the part is.
+    `border` is the colour in which another panel outlines the part.
     """
     height, width = image.shape
     left, right, top, bottom = box or (0, width * scale, 0, height * scale)
-    # Only what is shown is drawn: whole pixels around the box.
+    # Only whole pixels around the box are drawn.
     u0, u1 = max(int(left / scale), 0), min(int(np.ceil(right / scale)), width)
     v0, v1 = max(int(top / scale), 0), min(int(np.ceil(bottom / scale)), height)
     extent = (u0 * scale, u1 * scale, v1 * scale, v0 * scale)
@@ -64,27 +64,27 @@ def _draw_photo(
 
 
 def _write_note(axes: Axes, place: Any, text: str, tint: str = "white", **look: Any) -> None:
-    """Write letters that are read on any ground."""
+    """Write text with a dark rim, legible on any background."""
     (u, v), look = place, {"ha": "center", "va": "center", "fontsize": 9, **look}
     axes.text(u, v, text, color=tint, path_effects=DARK_RIM, **look)
 
 
 def _draw_frame(axes: Axes, box: Box, tint: str) -> None:
-    """Draw the border of a part that another panel shows."""
+    """Outline the part that another panel shows."""
     left, right, top, bottom = box
     frame = Rectangle((left, top), right - left, bottom - top, edgecolor=tint, linewidth=1.3)
     axes.add_patch(frame).set_fill(False)
 
 
 def _draw_crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
-    """Draw crosses at places (2, n), with a dark rim where the ground may be bright."""
+    """Draw crosses at places (2, n), with a dark rim if the background may be bright."""
     if rim:
         axes.plot(*places, "+", color=style.BLACK_COLOR, markersize=size + 1, markeredgewidth=2.4)
     axes.plot(*places, "+", color=tint, markersize=size, markeredgewidth=1.2)
 
 
 def _enclose_places(places: Array, aspect: float, margin: float, limits: tuple[int, int]) -> Box:
-    """Return a box of a proportion, width over height, around places (2, n) in an image."""
+    """Return a box of an aspect ratio, width over height, around places (2, n) in an image."""
     (left, top), (right, bottom) = np.nanmin(places, 1) - margin, np.nanmax(places, 1) + margin
     width = max(right - left, aspect * (bottom - top))
     u, v = (left + right) / 2, (top + bottom) / 2
@@ -228,7 +228,7 @@ def draw_centres(data: xr.Dataset) -> Figure:
 
 
 def draw_widths(data: xr.Dataset) -> Figure:
-    """Draw three columns of markers at every width, and what tracking makes of them."""
+    """Draw three columns of markers at every width, with shares of missing and wrong centres."""
     full = data["picture_first"].values
     row, middle = MARKERS.columns, MARKERS.columns // 2
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
@@ -266,12 +266,12 @@ WALK_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 
 def file_name(name: str) -> str:
     """Name a figure's file: WebP if it holds photographs, SVG otherwise."""
-    # Those that are drawn in this module do.
+    # Figures that this module draws hold photographs.
     return f"lab-{name}.{'webp' if WALK_FIGURES[name].__module__ == __name__ else 'svg'}"
 
 
 def _encode_webp(figure: Figure) -> bytes:
-    """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
+    """Encode as WebP: lossless where that takes fewer bytes, else at `WEBP_QUALITY`."""
     drawn = style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
     picture, found = PIL.Image.open(io.BytesIO(drawn)).convert("RGB"), []
     for lossless in (True, False):
@@ -281,11 +281,11 @@ def _encode_webp(figure: Figure) -> bytes:
     return min(found, key=len)
 
 
-# What paragraphs and tables need besides the recordings.
+# Further values for paragraphs and tables.
 
 
 def _phase_loss(data: xr.Dataset, frames: float) -> float:
-    """Return what being so many frames off a maximum costs, in %."""
+    """Return the loss of deflection in % at a number of frames from a maximum."""
     phase = 2 * np.pi * float(data["frequency"]) * frames / float(data["frame_rate"][0])
     return float(100 * (1 - np.cos(phase)))
 
@@ -300,20 +300,20 @@ def _synchronisation(data: xr.Dataset) -> dict[str, Any]:
 
 
 def _clocks(data: xr.Dataset) -> dict[str, Any]:
-    """Return the frames in a period, and what a clock that is off costs."""
+    """Return the frame rate, and the losses in % by half a frame and a whole frame."""
     half, whole = (_phase_loss(data, frames) for frames in (0.5, 1.0))
     return {"rate": data["frame_rate"][0], "half": half, "whole": whole}
 
 
 def _exposure(data: xr.Dataset) -> dict[str, Any]:
-    """Return what the exposure takes, in %."""
+    """Return the loss of amplitude in % by the exposure, and by one that lasts a whole frame."""
     time, rate = float(data["exposure"][0]), float(data["frame_rate"][0])
     loss, whole = (100 * (1 - np.sinc(float(data["frequency"]) * t)) for t in (time, 1 / rate))
     return {"loss": loss, "whole_frame": whole}
 
 
 def _matches(data: xr.Dataset) -> dict[str, Any]:
-    """Return how far the tip seems to move on the plane at rest."""
+    """Return the apparent sideways motion of the tip on the plane at rest."""
     given = json.loads(data.attrs["rendering"])
     sideways = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))
     return {"amplitude_mm": given["amplitude_mm"], "sideways_mm": sideways, "markers": MARKERS}
@@ -330,7 +330,7 @@ def _tracking(data: xr.Dataset) -> dict[str, Any]:
 
 
 def _steps(data: xr.Dataset) -> dict[str, Any]:
-    """Measure the deflection by the four methods, and the frame it is measured in."""
+    """Measure the deflection by the four methods; return also the beam's coordinate frame."""
     given, beam = json.loads(data.attrs["rendering"]), setups.thesis_beam()
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference, found = part.amplitude * part.shape(beam, beam.markers), []
@@ -347,7 +347,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
 
 
 def _parts(data: xr.Dataset) -> dict[str, Any]:
-    """Return what the literal method loses to the missed maximum and to whole frames alone."""
+    """Return the errors of the literal method by a missed maximum and by whole-frame delays."""
     row = MARKERS.middle_row
     instant = methods.find_maxima(data, setups.thesis_beam().damping)
     tracks = methods.select_tracks(data, figures.way_of(data, "literal"))
@@ -393,7 +393,7 @@ def fill_text(data: xr.Dataset, name: str) -> str:
 
 
 def write_all(folder: Path) -> None:
-    """Write figures and texts of chapter 5's recordings, from which the same bytes follow."""
+    """Write figures and texts of chapter 5's recordings; equal recordings give equal bytes."""
     data = compute.EXPERIMENT.load(figure_set.ExperimentResolution().recordings)
     for name, draw in WALK_FIGURES.items():
         with style.in_style():

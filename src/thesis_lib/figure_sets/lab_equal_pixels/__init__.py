@@ -1,1 +1,1 @@
-"""Many coarse cameras against few sharp ones, through the laboratory."""
+"""Many coarse cameras against few sharp ones, in rendered recordings."""

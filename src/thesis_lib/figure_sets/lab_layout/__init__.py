@@ -1,1 +1,1 @@
-"""Where the cameras of the experiment should stand."""
+"""Positions for the cameras of the experiment."""

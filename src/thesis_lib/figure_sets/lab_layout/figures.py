@@ -1,4 +1,4 @@
-"""What the cubes of ``lab-elevation`` and ``lab-layout`` come to: optima, figures, tables."""
+"""Optima, figures and tables of the cubes of ``lab-elevation`` and ``lab-layout``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from thesis_lib.facts import setups
 from thesis_lib.plotting import panels as figures, selection, style
 from thesis_lib.studies import cubes, fields
 
-MAX_NEAR_OPTIMUM = 1.1  # times the least error that still count as near it
-MIN_LOST = 0.0005  # share of a setting's markers from which on it is named
-CURVE_POINTS = 400  # points at which a curve is looked up
+MAX_NEAR_OPTIMUM = 1.1  # ratio to the least error up to which errors count as near it
+MIN_LOST = 0.0005  # share of lost or wrong markers from which a setting is listed
+CURVE_POINTS = 400  # points at which a curve is evaluated
 PALE_GREY = "#c8c8c8"
 LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", style.BLACK_COLOR)}
 PART_CURVES = {
@@ -40,7 +40,7 @@ VARIED_NAMES = {
 
 
 def predict_errors(part: xr.Dataset) -> Array:
-    """Return the rms over the trials of the rms error, (settings,), %; of trial 0 if alone."""
+    """Return the rms error over the trials, or of trial 0 if there are none, (settings,), %."""
     error = part["mean_error"].transpose("setting", "trial")
     alone = error.sizes["trial"] == 1
     return (error.isel(trial=0) if alone else selection.trial_rms(error)).values
@@ -48,9 +48,9 @@ def predict_errors(part: xr.Dataset) -> Array:
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where an error is least, on a curve through the settings."""
+    """The minimum of an error, on a curve through the settings."""
 
-    #: Elevation in degrees and error in % of the least
+    #: Elevation in degrees and error in % at the minimum
     at: float
     error: float
     #: Elevations between which the error is at most :data:`MAX_NEAR_OPTIMUM` times the least, °
@@ -59,10 +59,10 @@ class Optimum:
 
 
 def find_optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
-    """Find the least of a curve through errors (n,) at values (n,), NaN left out.
+    """Find the minimum of a curve through errors (n,) at values (n,), without those that are NaN.
 
-    An Akima spline between the logarithms of both; nothing is said beyond the outermost of the
-    settings that have an error, nor if there are fewer than three.
+    The curve is an Akima spline of the logarithms of both, between the outermost settings that have
+    an error; None if there are fewer than three.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def find_optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
 
 
 def select_complete(part: xr.Dataset) -> xr.Dataset:
-    """Select the settings in which every marker is measured: errors of fewer do not compare."""
+    """Select the settings in which every marker is measured, whose errors are comparable."""
     return part.isel(setting=np.flatnonzero(part["missing"].values[:, 0] == 0))
 
 
@@ -97,7 +97,7 @@ def select_known(part: xr.Dataset) -> xr.Dataset:
 
 
 def select_viewable(cube: xr.Dataset) -> xr.Dataset:
-    """Select the best and worst sets of each number: no more than a viewer has room for."""
+    """Select the settings for a viewer: of camera sets, the best and worst of each number."""
     kept: list[int] = []
     for case, part in selection.split_cases(cube).items():
         rows = np.flatnonzero(cube["case"].values == case)
@@ -172,7 +172,7 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
 
 
 def _add_key(axes: Axes, room: float, **how: Any) -> None:
-    """Add plain ticks and a legend, in some room above what is drawn."""
+    """Add plain ticks and a legend, with some room for it above the curves."""
     style.add_legend(axes, room, "upper center", columnspacing=1, fontsize=7, **how)
     plain_ticks(axes.yaxis)
 
@@ -207,7 +207,7 @@ def _draw_along(axes: Axes, part: xr.Dataset) -> None:
 
 
 def plain_ticks(axis: Axis) -> None:
-    """Put ticks of a logarithmic axis at 1, 2 and 5 times powers of ten, or at these alone."""
+    """Put ticks of a logarithmic axis at 1, 2 and 5 times powers of ten, or only at the powers."""
     low, high = axis.get_view_interval()
     style.make_logarithmic(axis, style.TICK_STEPS[:: 1 if high / low < 100 else 3])
 
@@ -284,9 +284,9 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
 
 
 def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
-    """Return the settings that are recordings of their own, with rms and band of their trials.
+    """Return the settings with a recording of their own, with rms and band of their trials.
 
-    Of sets of cameras that is the one of all cameras.
+    Among sets of cameras that is the set of all cameras.
     """
     settings = []
     for case, part in selection.split_cases(cube).items():

@@ -1,1 +1,1 @@
-"""More than one mode in the laboratory."""
+"""Higher bending modes and torsion in the laboratory."""

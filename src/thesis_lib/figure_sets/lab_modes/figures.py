@@ -1,4 +1,4 @@
-"""Figures of ``lab-modes``, and what its tables need besides the cube."""
+"""Figures of ``lab-modes``, and further values for its tables."""
 
 import json
 from typing import Any
@@ -13,11 +13,11 @@ from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vibration.motion import detuning_loss
 
 STYLE = style.MATH_STYLE  # of figures
-MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disagree
+MIN_DISAGREEMENT = 3.0  # misfit relative to noise, above which cameras disagree
 
 
 def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """Draw the setup, bending along the axis, what the edge rows do next to it, and bars."""
+    """Draw the setup, bending along the axis, the quadrature motion of the edge rows, and bars."""
     part = selection.select_settings(cube, case, mode)
     drawing, axes = style.subplots(2, 2, figsize=(7.6, 5.6))
     figures.setup_panel(axes[0, 0], cube, part)
@@ -53,7 +53,7 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 
 def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
-    """Draw the aliases of a mode, at which of them cameras agree, and what detuning costs."""
+    """Draw the aliases of a mode, the misfit of the cameras at each, and the error by detuning."""
     if mode not in cube["mode"]:
         return None
     part = cube.sel(mode=mode)
@@ -100,7 +100,7 @@ def _mark_rates(axes: Axes, part: xr.Dataset, x: str, y: str) -> None:
         axes.plot(one[x], one[y], "o", markersize=4, color=style.cycle_color(r), label=label)
 
 
-# What tables need besides the cube.
+# Further values for tables.
 
 
 def _frequency(cube: xr.Dataset) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def _frequency(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _conditions(cube: xr.Dataset) -> dict[str, Any]:
-    """Return, mode by mode, the error of a known frequency that costs 1 %."""
+    """Return for each mode the error of the known frequency that gives a mean error of 1 %."""
     frames = json.loads(cube.attrs["parameters"])["frames"]
     slowest, cycles, modes = float(cube["frame_rate"].min()), np.linspace(0, 1, 2001), []
     for one in iterate_slices(cube, "mode"):

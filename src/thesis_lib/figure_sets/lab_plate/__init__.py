@@ -1,1 +1,1 @@
-"""A plate in the laboratory."""
+"""A plate and its sound in the laboratory."""

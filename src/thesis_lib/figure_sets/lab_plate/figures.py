@@ -1,4 +1,4 @@
-"""Figures of the rendered plate, and what its tables need besides the cube."""
+"""Figures of the rendered plate, and further values for its tables."""
 
 import json
 from typing import Any
@@ -80,13 +80,13 @@ def _name_errors(part: xr.Dataset, errors: list[Any]) -> Any:
         yield f"error, {word}:\n{one['label'].item()}", error, limit
 
 
-# What tables need besides the cube.
+# Further values for tables.
 
 
 def compare_errors(cube: xr.Dataset, mode: int, plane: str) -> dict[str, Array]:
     """Return rms errors of deflection and pressure of the distinct settings, shape (2, settings).
 
-    They are those over *trials*, as *rendered*, and with *whole pixels*.
+    Keys are *trials*, *rendered* (trial 0), and *whole pixels* (by the law of rounding).
     """
     part = cube.sel(mode=mode, plane=plane)
     _, distinct = np.unique(part["predicted_error"].values, return_index=True)
@@ -160,7 +160,7 @@ def _ratios(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _visibility(cube: xr.Dataset) -> dict[str, Any]:
-    """Return, mode by mode, the least noise and how long to record until 1 N is as large."""
+    """Return for each mode the least noise, and the recording time at which 1 N equals it."""
     request = json.loads(cube.attrs["parameters"])
     rate, frames = request["frame_rate_hz"], request["frames"]
     modes = []

@@ -1,1 +1,1 @@
-"""From video to sound: what rendered structures radiate, as cameras have it and as it is."""
+"""From video to sound: measured and true radiation of rendered structures."""

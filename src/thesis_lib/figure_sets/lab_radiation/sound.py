@@ -1,12 +1,12 @@
-"""The driven structures, and what they radiate: in truth, as markers show it, and after a tap.
+"""The driven structures and their sound: true, from markers, and after an impact.
 
-All structures are as thin as what such cameras are for: the thesis's plate with another thickness,
-an L cut from it, and the thesis's beam. Each is driven by a steady tone at one place, and moves in
-its first :data:`MOVING_MODES` modes, as the force drives them (thesis, eq. 3.5).
+All structures are thin, as suits such cameras: the thesis's plate with another thickness, an L cut
+from it, and the thesis's beam. A sine force drives each at one point, and it moves in its first
+:data:`MOVING_MODES` modes (thesis, eq. 3.5).
 
-The markers of the beam that is tapped are projected, not rendered: the same cameras, at unlike
-frame rates, see them with the scatter that the centres of the recordings have. Its modes are found
-in the tracks, and their sound is computed as that of a measurement.
+In the impact test of the beam the markers are projected, not rendered: the same cameras, at unequal
+frame rates, see them with the scatter of the centres in the recordings. The modes are identified
+from the tracks, and their sound is computed like that of a measurement.
 """
 
 from dataclasses import dataclass, replace
@@ -32,12 +32,12 @@ from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.polygons import Point
 from thesis_lib.vibration.structure import Beam, Plate, modal_coordinates, resonance_frequency
 
-MOVING_MODES = 40  # that move
-PLATE_THICKNESS_M = 0.003  # m, of the plates
-ELEMENT_M = 0.02  # m, of the L
-FORCE_PLACE_M = (0.22, 0.22)  # m, where plates are driven: some way from their edges
+MOVING_MODES = 40
+PLATE_THICKNESS_M = 0.003
+ELEMENT_M = 0.02  # of the L
+FORCE_PLACE_M = (0.22, 0.22)  # where plates are driven, away from their edges
 MARKER_GRID = (7, 5)  # markers along and across the box around a plate
-DENSE_GRID = (12, 8)  # the same where a tone between modes moves many of them
+DENSE_GRID = (12, 8)  # the same at a frequency between modes, which excites many of them
 PLATE_MARKER, DENSE_MARKER, BEAM_MARKER = 0.024, 0.018, 0.007  # diameters, m
 ROW_SPACING, BEAM_COLUMNS = 0.014, 13  # of the beam's two rows
 PEAK_PLACES = 41  # places along each side of the box, for the largest deflection
@@ -46,12 +46,12 @@ EDGE_PLACES = 32  # places on a marker's edge
 
 @dataclass(frozen=True)
 class Driven:
-    """A structure that a force makes vibrate at one frequency."""
+    """A structure driven by a force at one frequency."""
 
     structure: Beam | Plate | Panel
-    markers: Markers  #: What is printed on it
-    frequency: float  #: Of the force, Hz
-    name: str  #: What moves
+    markers: Markers  #: Its printed markers
+    frequency: float  #: Frequency of the force, Hz
+    name: str  #: Structure and mode in words
 
     @property
     def corners(self) -> tuple[Point, ...]:
@@ -68,18 +68,18 @@ class Driven:
 
     @cached_property
     def coordinates(self) -> ComplexArray:
-        """Of the first modes, for a largest deflection of 1, shape (:data:`MOVING_MODES`,)."""
+        """Modal coordinates for a largest deflection of 1, shape (:data:`MOVING_MODES`,)."""
         q = modal_coordinates(self.structure, np.array(self.omega), MOVING_MODES)
         x, y = (np.linspace(0, side, PEAK_PLACES) for side in self.structure.extent)
         points = np.stack([np.tile(x, PEAK_PLACES), np.repeat(y, PEAK_PLACES)])
         return np.asarray(q / np.nanmax(np.abs(q @ self.mode_shapes(points))), complex)
 
     def mode_shapes(self, points: Array) -> Array:
-        """Return the shapes of the modes that move at points (2, n), one a row."""
+        """Return the shapes of the moving modes at points (2, n), one per row."""
         return self.structure.mode_shapes(range(1, MOVING_MODES + 1), points)
 
     def show_markers(self, peak: float) -> ComplexArray:
-        """Return what the markers' edges show of a motion of at most `peak` in m, (markers,)."""
+        """Return amplitudes as means over the markers' edges, for a `peak` in m, (markers,)."""
         turn = 2 * np.pi * (np.arange(EDGE_PLACES) + 0.5) / EDGE_PLACES
         ring = self.markers.diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])
         edges = (self.markers.centres[:, :, None] + ring[:, None]).reshape(2, -1)
@@ -90,7 +90,7 @@ class Driven:
         """Return the modes as parts of a motion whose largest deflection is `peak` in m."""
         parts = []
         for n, q in enumerate(self.coordinates, 1):
-            up = (-1) ** (n + 1) if isinstance(self.structure, Beam) else 1  # as a part has it
+            up = (-1) ** (n + 1) if isinstance(self.structure, Beam) else 1  # sign of `Component`
             size = peak * q * up * self.structure.shape_peak(n)
             polar = float(abs(size)), float(np.angle(size))
             parts.append(Component("bending", n, self.frequency, *polar))
@@ -99,7 +99,7 @@ class Driven:
 
 @cache
 def drive_structure(case: str) -> Driven:
-    """Return the structure of a case, with its tone."""
+    """Return the structure of a case, with the frequency of its force."""
     if case == "beam":
         beam = setups.thesis_beam()
         row = replace(beam, n_markers=BEAM_COLUMNS, marker_spacing=beam.length / BEAM_COLUMNS)
@@ -136,7 +136,7 @@ def _drive_at_mode(structure: Any, markers: Markers, mode: int, name: str) -> Dr
 
 
 def rig_of(study: LabRadiation, case: str, replicate: int) -> Rig:
-    """Return what sees one recording: cameras, the board's poses, the structure with its tone."""
+    """Return the rig of one recording: cameras, the board's poses, the driven structure."""
     own = drive_structure(case)
     seed = derive_seed(study.seed, case, replicate)
     draw = np.random.default_rng([seed, 7])
@@ -155,9 +155,9 @@ PRESSURE_PLANE = planes.Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
 def true_sound(
     own: Driven, peak: float, medium: radiation.Medium
 ) -> tuple[float, float, ComplexArray]:
-    """Compute the sound of the true motion with a largest deflection `peak` in m, finely.
+    """Compute the sound of the true motion with a largest deflection `peak` in m.
 
-    It is the power in W, the efficiency, and the pressure on :data:`PRESSURE_PLANE` in Pa.
+    Returns the power in W, the efficiency, and the pressure on :data:`PRESSURE_PLANE` in Pa.
     """
     surface, q = _surface(own, TRUE_NODES), peak * own.coordinates
     of: Any = own.mode_shapes(surface.places).T, own.omega, medium
@@ -169,18 +169,18 @@ def true_sound(
 
 
 def _pressure_matrix(surface: surfaces.Surface, moving: Array, *of: Any) -> ComplexArray:
-    """Return the pressure on :data:`PRESSURE_PLANE` by what moves the nodes."""
+    """Return the pressure on :data:`PRESSURE_PLANE` by each column of `moving`."""
     return surface.pressure_matrix(moving, PRESSURE_PLANE.points.reshape(3, -1), *of)
 
 
 class MarkerSound:
-    """What the markers of a structure tell of its sound."""
+    """The sound of a structure, computed from the motion of its markers."""
 
     def __init__(self, own: Driven, medium: radiation.Medium) -> None:
         markers, nodes = own.markers, radiated.count_nodes(own.structure.extent, own.omega, medium)
         self._surface = surface = _surface(own, nodes)
         radius, places = markers.diameter / 2, surface.places
-        #: The surface's motion between markers: by the first modes of its model
+        #: Interpolation of the surface's motion between markers, by the first modes of its model
         self.between = radiated.by_model(own.structure, markers.centres, radius, places)
         self._of: Any = self.between.moving, own.omega, medium
         self._power_form = surface.power_form(*self._of)
@@ -188,27 +188,27 @@ class MarkerSound:
 
     @cached_property
     def matrix(self) -> ComplexArray:
-        """Return the pressure on :data:`PRESSURE_PLANE`, shape (places, markers)."""
+        """Pressure on :data:`PRESSURE_PLANE` by unit marker amplitudes, (places, markers)."""
         return _pressure_matrix(self._surface, *self._of)
 
     @cached_property
     def _squares(self) -> Array:
-        """Form of the mean square of a pressure on the plane, of stacked amplitudes."""
+        """Quadratic form of the mean square pressure on the plane, in stacked amplitudes."""
         stacked = estimates.stack_matrix(self.matrix)
         return np.asarray(stacked.T @ stacked / len(self.matrix))
 
     def power(self, shape: estimates.Amplitudes) -> estimates.Estimate:
-        """Return sound power in W."""
+        """Return the sound power in W."""
         power = estimates.estimate_quadratic_form(self._power_form, shape)
         return estimates.widen_error(power, self._surface.sum_std)
 
     def efficiency(self, shape: estimates.Amplitudes) -> estimates.Estimate:
-        """Return radiation efficiency."""
+        """Return the radiation efficiency."""
         ratio = estimates.estimate_ratio(self._power_form, self._plain_form, shape)
         return estimates.widen_error(ratio, self._surface.sum_std)
 
     def field_error(self, shape: estimates.Amplitudes) -> float:
-        """Return stated rms error of the pressure over the plane, in Pa."""
+        """Return the rms standard error of the pressure over the plane, in Pa."""
         return float(np.sqrt(np.sum(self._squares * shape.covariance)))
 
 
@@ -217,17 +217,17 @@ def _surface(own: Driven, nodes: int) -> surfaces.Surface:
     return surfaces.Surface.from_outline(np.array(own.corners), nodes, (x / 2, y / 2))
 
 
-TAP_DAMPING = (0.010, 0.006, 0.004)  # of the modes that ring
-TAP_RATES_HZ = (50.0, 60.0, 30.0)  # frames per second: unlike ones tell modes apart
+TAP_DAMPING = (0.010, 0.006, 0.004)  # of the excited modes
+TAP_RATES_HZ = (50.0, 60.0, 30.0)  # frames per second; unequal rates distinguish the modes
 TAP_PLACE, TAP_IMPULSE_NS, TAP_SECONDS = 0.3, 0.05, 3.0  # place over the length; N s; s
-TAP_BAND_HZ = (2.0, 130.0)  # Hz, in which they are looked for
-LISTENER_M = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
-HEARD_SECONDS, HEARD_STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
+TAP_BAND_HZ = (2.0, 130.0)  # searched for modes
+LISTENER_M = np.array([[0.0], [0.0], [1.0]])  # position of the listener
+HEARD_SECONDS, HEARD_STEP = 0.5, 24  # s of the stored pressure; its step in samples
 TAP_VARIABLES = read_variables(__file__, "tap")
 
 
 def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -> dict[str, Any]:
-    """Measure :data:`TAP_VARIABLES` where centres scatter by so many px; NaN if hidden."""
+    """Measure :data:`TAP_VARIABLES` if centres scatter by `scatter` px; NaN if modes are hidden."""
     rig = rig_of(study, "beam", 0)
     x, y = rig.markers.extent
     rates = np.resize(TAP_RATES_HZ, len(rig.stations)).tolist()
@@ -282,7 +282,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
 
 
 def _project_tracks(rig: Rig, scatter: float) -> list[tracking.TrackedCentres]:
-    """Project the markers into each camera, as means over the exposure, and scatter them by px."""
+    """Project the markers into each camera, averaged over the exposure, and add scatter in px."""
     found, samples = [], 4
     for index, station in enumerate(rig.stations):
         times = tracking.frame_times(rig, station)

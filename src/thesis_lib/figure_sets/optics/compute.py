@@ -1,9 +1,9 @@
 """The cube of ``cameras``: angles of view, projections, pixels, colours, sharpness, parallel pairs.
 
-Every variable is a closed form of :mod:`thesis_lib.vision.optics`, but for the depths of a parallel
-pair with whole pixels, which are drawn at random, and the images, which are drawn in full. Of
-these only the strip that holds the beam is drawn. They are ``(rows, columns)`` or
-``(rows, columns, 3)`` with values from 0 to 1.
+Every variable is a closed form of :mod:`thesis_lib.vision.optics`, except the depths of a parallel
+pair with whole pixels, which are simulated, and the images. Only the strip of an image that holds
+the beam is rendered. Images are ``(rows, columns)`` or ``(rows, columns, 3)`` with values from 0 to
+1.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 
 CURVE_POINTS = 121  # places of a curve over distance
-ROUNDED_PX = np.sqrt(1 / 6)  # of the difference of two coordinates, each rounded with 1/12 px²
+ROUNDED_PX = np.sqrt(1 / 6)  # rms error of a difference of two rounded coordinates, 1/12 px² each
 ASPECT_RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
 SENSOR_SIDES = ("width", "height", "diagonal")
 
@@ -31,8 +31,8 @@ VARIABLES = read_variables(__file__, "cube")
 def run(study: Cameras) -> xr.Dataset:
     """Compute the cube of ``cameras``: lengths in m, angles in degrees, images in px.
 
-    ``distance`` holds those asked for among others; ``quantity``, ``value`` and ``unit`` are what
-    runs are compared by.
+    ``distance`` includes the requested distances. Runs are compared by ``quantity``, ``value`` and
+    ``unit``.
     """
     cube = xr.Dataset(coords=_coordinates(study))
     for part in (_views, _projections, _horizons, _pictures, _sharpness, _stereo, _summary):
@@ -93,7 +93,7 @@ def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 
 def _projections(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
-    """Image the markers by a pinhole and with one depth for all of them (2.1)."""
+    """Project the markers by a pinhole, and with one depth for all of them (2.1)."""
     beam = setups.thesis_beam()
     points = world_points(beam, np.zeros(beam.n_markers))
     cameras = _aim_at_beam(study, cube["distance"].values)
@@ -208,13 +208,13 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     return list_quantities(rows)
 
 
-FINEST_SIZE_PX = (1280, 720)  # px, of the image that all others are means of
-STRIP_STEP_PX = 80  # px of it: rows of the strip are a multiple, so that every block fits
+FINEST_SIZE_PX = (1280, 720)  # px, of the image from which all others are averaged
+STRIP_STEP_PX = 80  # px of it; the rows of the strip are a multiple, so that every block fits
 RAYS_PER_PIXEL = 2  # rays across a pixel of it, in both directions
 TABLE_COLOUR, BEAM_COLOUR, MARKER_COLOUR = np.array(
     [[0.10, 0.16, 0.28], [0.84, 0.80, 0.72], [0.07, 0.06, 0.06]]
 )
-CELL_RATIO = 2 / 3  # part of spacing and beam's width in which a marker's centre is sought
+CELL_RATIO = 2 / 3  # part of spacing and beam's width that is searched for a marker's centre
 CROP_SIZE_PX = (24, 36)  # rows and columns of the part that is shown
 
 
@@ -225,8 +225,8 @@ class BeamPicture:
     #: Share of each pixel that the beam and its markers cover, shape (rows, columns)
     beam: Array
     markers: Array
-    camera: CameraArray  #: The camera, with ``FINEST`` pixels
-    structure: Beam  #: What it sees
+    camera: CameraArray  #: The camera, with ``FINEST_SIZE_PX`` pixels
+    structure: Beam  #: The beam
     top: int  #: Row of the camera's image at which the strip begins
 
     def colours(self, block: int) -> Array:
@@ -243,9 +243,9 @@ class BeamPicture:
         return np.asarray((project(self.camera.P, axis)[0] - [[0], [self.top]]) / block)
 
     def contrast(self, block: int) -> float:
-        """Return how much darker a pixel on a marker is than one midway, 1 for large markers.
+        """Return the contrast of a pixel on a marker to one midway, 1 for large markers.
 
-        The mean over the markers and gaps that are in the picture.
+        It is the mean over the markers and gaps in the image.
         """
         cover = optics.block_means(self.markers, block)
         x, found = self.structure.markers[0], []

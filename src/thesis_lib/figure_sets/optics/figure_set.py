@@ -9,7 +9,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies import fields, request
 
-MAX_DISTANCE_RATIO = 4  # of the largest of the distances, to which curves go
+MAX_DISTANCE_RATIO = 4  # curves end at this multiple of the largest distance
 PictureWidth = Literal[1280, 640, 320, 256, 160, 128, 80, 64, 32, 16]
 
 

@@ -1,4 +1,4 @@
-"""Figures of ``cameras``, drawn from its cube, and what its tables need besides the cube."""
+"""Figures of ``cameras``, drawn from its cube, and further values for its tables."""
 
 import json
 from typing import Any
@@ -14,10 +14,10 @@ from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision.optics import picture_height
 
-FIGURE_SIZE_IN = (7.2, 3.3)  # inches
+FIGURE_SIZE_IN = (7.2, 3.3)
 DRAWN_DEPTH_STEP = 6  # of the drawn depths, so that dots stand apart
 NORMAL_MM = 50  # the lens of eq. 2.20
-CLAIMED_SIDES = {  # side: how it is called, and the claimed number of eq. 2.20
+CLAIMED_SIDES = {  # side: its name in words, and the claimed number of eq. 2.20
     "width": ("across", "view-across"),
     "height": ("up", "view-up"),
     "diagonal": ("diagonally", "view-diagonal"),
@@ -164,7 +164,7 @@ def choose_lens(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def normal_lens(cube: xr.Dataset) -> dict[str, Any]:
-    """Return equation 2.20, and the length of beam that such a lens and the book's see."""
+    """Return the angles of equation 2.20, the length that such a lens sees, and the beam's."""
     one = cube.isel(sensor=0).sel(focal_length=NORMAL_MM / 1000)
     numbers = {number.id: number for number in claims.read_numbers()}
     nearest = 1000 * float(cube["shown_distance"].min())
@@ -192,7 +192,7 @@ def _three_digits(metres: xr.DataArray) -> str:
 
 
 def pixel_flows() -> list[tuple[int, int, float]]:
-    """Return width and pixels of a frame, and frames per second, at a chapter 5 pixel rate."""
+    """Return width and pixels of a frame, and frames per second, at chapter 5's pixel rate."""
     widths = setups.setup_table("beam", "resolution")["widths_px"]
     rate = setups.setup_table("experiment", "rig")["frame_rate_hz"]
     counts = {width: width * picture_height(width, 16, 9) for width in widths}

@@ -27,13 +27,13 @@ COINCIDENT_TEXT = (
     "two cameras at the same place in case {}, {} ([azimuth, elevation] in °), "
     "allowed: different places"
 )
-"""Refusals of values that do not go together; pages refuse in the same words."""
+"""Messages about inconsistent values; pages show the same texts."""
 MAX_MEMORY_BYTES = 2 * 2**30
 BYTES_PER_DEFLECTION = 16  # in single precision, with the copies that rounding and writing make
 
 
 class CameraStudy(request.Study):
-    """Parameters that all camera studies share; they default to what the beam's studies use."""
+    """Parameters that all camera studies share; the defaults are those of the beam's studies."""
 
     hints = dict.fromkeys(("cameras", "n_cameras"), CAMERAS_HINT)
 
@@ -59,7 +59,7 @@ class CameraStudy(request.Study):
     modes: fields.Several[fields.Mode] = [1, 2, 3]
     """modes to measure"""
 
-    #: Returns the study's settings; its parameters are fields
+    #: Returns the study's settings; its arguments are fields of the study
     list_settings: ClassVar[Callable[..., list[setups.Setting]]]
 
     def thesis_settings(self) -> list[setups.Setting]:
@@ -73,7 +73,7 @@ class CameraStudy(request.Study):
 
     @property
     def predicted_by(self) -> str:
-        """Return the meaning of `predicted_error`, a law of least squares for every estimator."""
+        """Return the meaning of `predicted_error`, which always applies to least squares."""
         cause = f"{self.predicts} and noise" if self.noise_px else self.predicts
         return cause if self.estimator == LEAST_SQUARES else f"{cause} of least squares"
 
@@ -91,7 +91,7 @@ class CameraStudy(request.Study):
     def _check_together(self) -> Self:
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
             self.refuse("amplitude_mm", CAMERA_CONDITIONS["amplitude_mm"])
-        settings = self.thesis_settings()  # as given, so that a refusal says what was given
+        settings = self.thesis_settings()  # as given, so that messages quote them
         results = len(settings) * len(self.modes) * (self.trials + 1)
         needed = BYTES_PER_DEFLECTION * self.structure.markers.shape[1] * results
         if needed > MAX_MEMORY_BYTES:

@@ -25,7 +25,7 @@ def block_results(block: workers.Block, points: Array, asked: Mapping[str, Any])
     """Compute some trials of a setting: a value for each of ``VARIABLES``.
 
     Results without trials are included where the block has the nominal run. `asked` are the plain
-    values of the study's request, which travel to workers.
+    values of the study's request, which are sent to workers.
     """
     cameras = block.load.cameras(asked["focal_length_mm"], asked["sensor_width_mm"])
     trials, reference, noise_px = block.trials, points[2, 1:], asked["noise_px"]
@@ -72,7 +72,7 @@ def run(
 ) -> xr.Dataset:
     """Compute the cube of a camera study block by block.
 
-    `only` has some of its settings, `shapes` deflections in m in place of those of its modes.
+    `only` selects some of its settings; `shapes` are deflections in m that replace its modes.
     """
     structure, settings = study.structure, list(study.settings() if only is None else only)
     reference = np.array(

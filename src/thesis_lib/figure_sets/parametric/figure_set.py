@@ -1,7 +1,7 @@
 """Chapters 3, 4 and 6, and plates of other shapes: one parameter is varied at a time.
 
-One model per figure set serves the command line, the notebooks and the tables of the book. A
-field's ``allowed`` text is what the user reads, in the table and in the error message alike.
+One model per figure set serves the command line, the notebooks and the tables of the book. Tables
+and error messages show the same ``allowed`` text of a field.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ OfPair = Annotated[
 ]
 
 
-# The four studies. Where a field has no default here, it is what the table of the structure says.
+# The four studies. A field without a default here has that of the structure's table.
 
 
 class Distance(CameraStudy):
@@ -96,7 +96,7 @@ class Resolutions(CameraStudy):
 
 
 class Arrays(CameraStudy):
-    """Cases 4a–4e: growing numbers of cameras (sections 3.3.4, 4.2.4, 6.2.4), and own layouts."""
+    """Cases 4a–4e: growing numbers of cameras (sections 3.3.4, 4.2.4, 6.2.4); users' layouts."""
 
     study = "arrays"
     title = "number and layout of the cameras"
@@ -154,7 +154,7 @@ class Perforated(Arrays):
     trials: fields.Trials = 100
 
 
-# What beam and sound add.
+# Further parameters of beam and sound.
 
 
 class BeamMarkers(fields.Fields):
@@ -179,7 +179,7 @@ class PlateSoundStudy(SoundPlanes):
         return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
 
 
-# Plates without symmetry, cut from a rectangle: as thick as the thesis's plate and of its material.
+# Plates without symmetry, cut from a rectangle, with thickness and material of the thesis's plate.
 
 Coordinate = Annotated[fields.Real, Field(ge=0, le=1e5)]
 Corner = tuple[Coordinate, Coordinate]
@@ -258,7 +258,7 @@ class ShapeMarkers(PlateMarkers):
 
 
 _SUBJECTS: dict[str, tuple[str, str, type[BaseModel], str]] = {
-    # chapter, section of the thesis, what it adds to the parameters, function that draws
+    # chapter, section of the thesis, class of further parameters, drawing function
     "beam": ("ch3", "section 3.3", BeamMarkers, "beam_figure"),
     "plate": ("ch4", "section 4.2", PlateMarkers, "plate_figure"),
     "sound": ("ch6", "section 6.2", PlateSoundStudy, "sound_figure"),
@@ -267,7 +267,7 @@ _SUBJECTS: dict[str, tuple[str, str, type[BaseModel], str]] = {
 
 
 def figure_set(subject: str, kind: type[CameraStudy]) -> type[CameraStudy]:
-    """Return a study of one structure: its fields default to what the structure's tables say."""
+    """Return a study of one structure, with defaults from the structure's tables."""
     _, section, more, _ = _SUBJECTS[subject]
     grid = {"grid": setups.thesis_plate().grid}
     like = "plate" if subject == "shape" else subject
@@ -276,7 +276,7 @@ def figure_set(subject: str, kind: type[CameraStudy]) -> type[CameraStudy]:
     defaults: dict[str, Any] = {}
     every = {name: info for one in reversed(bases) for name, info in one.model_fields.items()}
     for name, info in every.items():
-        shared = name in CameraStudy.model_fields  # which hold what the beam's table says
+        shared = name in CameraStudy.model_fields  # whose defaults are from the beam's table
         if name in printed and (shared or info.is_required()):
             filled, annotation = copy(info), cast(Any, info.annotation)
             filled.default = printed[name]

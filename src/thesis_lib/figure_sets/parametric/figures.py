@@ -1,8 +1,8 @@
-"""Figures and tables of these sets; modes without symmetry, and the effect of a mirror.
+"""Figures and tables of the parametric studies; modes without symmetry, and mirror symmetry.
 
-Let cameras and plate be each other's mirror image in X = 0. Two markers at ±x then have mirrored
-images, whole pixels included, and measured deflections of the same size: the nominal run draws
-half as many errors as there are markers. Random shifts of the pixel grids undo that.
+If cameras and plate are symmetric about X = 0, two markers at ±x have mirrored images, whole pixels
+included, and measured deflections of the same size: the nominal run then has half as many
+independent errors as markers. Random shifts of the pixel grids break this symmetry.
 """
 
 import json
@@ -117,9 +117,9 @@ def _mean_deflection(one: xr.Dataset) -> float:
 def compare_with_law(cube: xr.Dataset, case: str) -> dict[str, float]:
     """Compare errors of a case of a plate with the law, and those of mirrored markers.
 
-    Returned are the share of the markers with a mirrored partner whose nominal deflections have the
-    `same` size as their partner's, and the rms of ln(error / law) of the nominal (`literal`) runs
-    and of the trials (`drawn`).
+    Returns the share of nominal deflections with the `same` size as that of the mirrored marker,
+    among markers that have one, and the rms of ln(error / law) of the nominal (`literal`) runs and
+    of the trials (`drawn`).
     """
     part = cube.isel(setting=np.flatnonzero(cube["case"].values == case))
     half = np.array(schema.structure_extent(part)) / 2
@@ -136,7 +136,7 @@ def compare_with_law(cube: xr.Dataset, case: str) -> dict[str, float]:
 
 
 def list_mirrors(opened: Mapping[str, xr.Dataset]) -> str:
-    """List the effect of a mirror in every case, for rectangle, L and plate with holes."""
+    """List the effect of mirror symmetry in every case, for rectangle, L and plate with holes."""
     rows = []
     for case in dict.fromkeys(opened[PLATE_SET]["case"].values.tolist()):
         found = [compare_with_law(opened[name], case) for name in SHAPE_NAMES]
@@ -168,7 +168,7 @@ def compare_accuracy(opened: Mapping[str, xr.Dataset]) -> str:
 
 
 def compare_convergence(_: Mapping[str, xr.Dataset]) -> str:
-    """Compare the rectangle by finite elements with its closed form, and show the order."""
+    """Compare finite elements of the rectangle with its closed form; fit the convergence order."""
     plate = setups.thesis_plate()
     outline = ((0.0, 0.0), (plate.length, 0.0), plate.extent, (0.0, plate.width))
     ratio, off = plate.bending_stiffness / plate.mass_per_area, []

@@ -1,7 +1,7 @@
 """Data with which a page computes a study of chapter 3 or 4, as plain JSON values.
 
-The model stands in ``web/assets/physics.js``; structures, camera setups, and the published
-errors that a new run is held against come from here.
+The model is in ``web/assets/physics.js``; structures, camera setups, and the published errors
+that are compared with a new run come from here.
 """
 
 from collections.abc import Iterable
@@ -33,7 +33,7 @@ def structure_model(structure: Structure, modes: int) -> dict[str, Any]:
             "spacing": structure.marker_spacing,
             "first": structure.first_marker,
         }
-        # As text: a widget's numbers travel with 6 digits, these need all.
+        # As text: widgets transfer numbers with 6 digits, but these need all.
         roots = [repr(float(root)) for root in cantilever_roots(modes)]
         return {"kind": "beam", **common, "row": row, "roots": roots}
     assert isinstance(structure, Plate)
@@ -42,16 +42,16 @@ def structure_model(structure: Structure, modes: int) -> dict[str, Any]:
 
 
 def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
-    """Return what some figure sets of :data:`COMPUTED_SETS` need besides their parameters.
+    """Return the data that figure sets of :data:`COMPUTED_SETS` need besides their parameters.
 
     Returns
     -------
     dict
-        ``structures`` as :func:`structure_model` tells them, with ``peaks``, the deflection of
-        each mode by a force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and
-        ``opposite``; ``conditions``, words for values that do not go together; what a viewer draws
-        with; and ``sets``: what is varied, titles of cases, and ``published`` rows of case, value,
-        order of pairs, mode, nominal mean error, median, 5 and 95 % in percent.
+        ``structures`` by :func:`structure_model`, with ``peaks``, the deflection of each mode by a
+        force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and ``opposite``;
+        ``conditions``, messages about inconsistent values; colours and ``lens`` fields for a
+        viewer; and ``sets``: varied parameter, titles of cases, and ``published`` rows of case,
+        value, order of pairs, mode, nominal mean error, median, 5 and 95 % in percent.
     """
     studies = {name: camera_study(name) for name in names}
     structures = {one.subject: one.structure for one in studies.values()}

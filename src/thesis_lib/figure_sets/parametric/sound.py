@@ -1,12 +1,12 @@
 """The sound of measured deflections: from a plate's cube to a cube of plane errors (thesis 6.2).
 
 The pressure on a plane is linear in the deflection errors e, so its rms error is ω ‖F e‖ with a
-small triangular factor F of the plane and the frequency: no trial ever needs its field.
+small triangular factor F of the plane and the frequency: no trial needs its field.
 
-Two opposed cameras that stand square to the plate image whole rows of markers on one line of
-pixels, and round them alike; turned about the plate's normal by a few degrees, they do not. For
-``sound-aperture`` the pairs of case 2d are turned, measured and radiated as in ``sound-arrays``,
-where they are a reader's own layouts.
+Two opposed cameras that are aligned with the plate's sides image whole rows of markers on one line
+of pixels, and round them alike; turned about the plate's normal by a few degrees, they do not. For
+``sound-aperture`` the pairs of case 2d are turned, and their sound is computed as that of
+user-defined layouts of ``sound-arrays``.
 """
 
 import hashlib
@@ -32,7 +32,7 @@ from thesis_lib.vision import rounding
 
 VARIABLES = schema.read_variables(__file__, "sound")
 COORDINATES = schema.read_variables(__file__, "sound_coordinates")
-LISTED_RADIATION_MODES = 5  # radiation modes that are told
+LISTED_RADIATION_MODES = 5  # at most, of each plane
 LEVEL_VARIABLES = schema.read_variables(__file__, "sound_levels")
 
 
@@ -51,9 +51,9 @@ def block_errors(
 ) -> dict[str, Array]:
     """Return rms errors (modes, trials, planes) in Pa of some trials of a setting.
 
-    With the first trials also what the law of rounding predicts, (modes, planes, ...). `asked` are
-    the plain values of the study's request; of each mode come ω, points (3, 2, markers) at rest and
-    deflected, factors of the planes, and the loudest radiation modes of each plane.
+    The block of the first trials adds predictions by the law of rounding, (modes, planes, ...).
+    `asked` are the plain values of the study's request. Each mode has ω, points (3, 2, markers) at
+    rest and deflected, factors of the planes, and the loudest radiation modes of each plane.
     """
     setting, measured = block.load
     error = measured.astype(float) - points[:, 2, 1][:, None]
@@ -81,13 +81,13 @@ def block_errors(
 def run(
     study: CameraStudy, plate_cube: xr.Dataset | None = None, scheduler: str = ""
 ) -> xr.Dataset:
-    """Compute the cube of a sound study from that of the plate's same settings and trials.
+    """Compute the cube of a sound study from the plate's cube of the same settings and trials.
 
-    Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8, with
-    the modulus of the complex difference), NaN where a plane is nodal, and of the larger of the
-    two, NaN where both are; predicted errors; reference fields and those of the best and worst
-    settings. Without `plate_cube` it is that of the cache, and the study of the aperture also tells
-    what a turn of its pairs does.
+    It has errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8,
+    with the modulus of the complex difference), NaN where a plane is nodal, and of the larger of
+    the two, NaN where both are; predicted errors; reference fields and those of the best and worst
+    settings. Without `plate_cube` that of the cache is used, and the study of the aperture also has
+    the effect of turning its pairs.
     """
     turned = None
     if plate_cube is None:
@@ -167,7 +167,7 @@ def run(
     cube["predicted_error"].attrs["long_name"] = study.law
     for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
         cube[name] = plate_cube[name]
-    if study.amplitude_mm == "force":  # only then are they newtons
+    if study.amplitude_mm == "force":  # only then is the force known, 1 N
         power = np.array([radiation.sound_power(*one) for one in moving])
         levels = {
             "sound_power": power,
@@ -179,17 +179,17 @@ def run(
     return cube if turned is None else cube.assign(compare_turns(study, sounds, turned))
 
 
-MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
-# Steps between the points of a plane that are compared, or twice as many at most
+MOST_NODES = 40_000  # of an integral; nearer planes, which need more, are left out
+# Steps between compared points along each side of a plane, or up to twice as many
 COMPARED_STEPS = 74
 
 
 def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Array]:
-    """Compute the rms and largest error on each plane of the sum, in % of its largest pressure.
+    """Compute the rms and largest error of the sum over pistons, in % of the largest pressure.
 
     `fields` (modes, planes, u, z) are the sums in Pa; `largest` (modes, planes) the largest
     pressures in Pa, NaN where a plane is nodal. The errors (modes, planes) are NaN there, too, and
-    where a plane begins too near to the plate.
+    where a plane is too near to the plate.
     """
     plate, found = study.structure, np.full((2, *largest.shape), np.nan)
     step = tuple(slice(None, None, max(1, (n - 1) // COMPARED_STEPS)) for n in fields.shape[2:])
@@ -230,9 +230,9 @@ def compare_sums(opened: Mapping[str, xr.Dataset]) -> str:
 
 
 TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0)  # simulated
-LAW_TURNS_DEG = np.round(np.linspace(0, 5, 101), 2)  # where rows cross pixels the law has its dips
+LAW_TURNS_DEG = np.round(np.linspace(0, 5, 101), 2)  # fine: it has dips where rows cross pixels
 BEST_DEG = (2.0, 3.0)  # turns that the text recommends: steep cameras err more from 4° on
-MAX_TRIALS = 1000  # trials, which know an rms to some percent
+MAX_TRIALS = 1000  # trials, which give an rms to some percent
 TURN_VARIABLES = schema.read_variables(__file__, "sound_turn")
 
 
@@ -310,7 +310,7 @@ def turn_summary(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def turn_advice(cube: xr.Dataset) -> str:
-    """State the turns to choose, and the effect of larger ones on steep cameras."""
+    """Return a text on the turns to choose, and on the effect of larger ones on steep cameras."""
     mode, plane = audible_planes(cube)[0]
     at = {"mode": mode, "plane": plane}
     steep = cube["turned_law_error"].sel(at | {"elevation": float(cube["elevation"].max())})

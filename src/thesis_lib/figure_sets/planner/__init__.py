@@ -1,1 +1,1 @@
-"""Questions about where cameras should stand."""
+"""Planned camera positions for standard questions."""

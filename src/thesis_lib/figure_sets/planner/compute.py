@@ -21,9 +21,9 @@ FOR_SOUND = read_variables(__file__, "sound")
 def run(study: Planner) -> xr.Dataset:
     """Compute the cube of the figure set ``planner``.
 
-    Variables of a plan's cube along ``question``; of the thesis's layouts, at the first of the
-    resolutions, along ``thesis_case`` and ``count``; ``quantity``, ``value`` and ``unit`` are what
-    runs are compared by.
+    It has the variables of a plan's cube along ``question``, and those of the thesis's layouts, at
+    the first of the resolutions, along ``thesis_case`` and ``count``. Runs are compared by
+    ``quantity``, ``value`` and ``unit``.
     """
     plans = {name: planner.plan(request) for name, request in study.questions.items()}
     cube = xr.concat(

@@ -13,22 +13,22 @@ from thesis_lib.planning.request import Count, PlanRequest, Tilt
 from thesis_lib.studies import fields, request
 
 THESIS_QUESTIONS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
-# That of the plate is planned for its sound, too
+# The question on the plate is planned for its sound, too
 READABLE_QUESTIONS = {body: f"{body}: markers that can be read" for body in THESIS_QUESTIONS}
 FREE_QUESTIONS = {body: f"{body}: nearer or farther, too" for body in THESIS_QUESTIONS}
-WALL_SECTOR_DEG = (90.0, 270.0, -90.0, 90.0)  # a sector: what a wall leaves
+WALL_SECTOR_DEG = (90.0, 270.0, -90.0, 90.0)  # the sector that a wall blocks
 BLOCKED_QUESTIONS = {"beam: a wall behind it": "wall", "plate: a machine beside it": "machine"}
-MACHINE_BOX_MM = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: what a machine takes
+MACHINE_BOX_MM = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # the box of a machine
 
 
 def _reach(body: str) -> float:
-    """Return the half the diagonal of beam or plate in mm."""
+    """Return half the diagonal of beam or plate in mm."""
     given = setups.thesis_beam() if body == "beam" else setups.thesis_plate()
     return 500 * float(np.hypot(*given.extent))
 
 
 def free_room(body: str) -> tuple[float, float]:
-    """Return the distances in mm, from half a step of 50 mm or more beyond the structure on.
+    """Return the range of distances in mm, from a multiple of 50, 25 or more beyond the structure.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def free_room(body: str) -> tuple[float, float]:
 
 
 class Planner(request.Study):
-    """Planned layouts of beam and plate beside those of the thesis, and what limits cost."""
+    """Planned layouts of beam and plate against those of the thesis, and the cost of limits."""
 
     name = "planner"
     title = "Planned cameras"

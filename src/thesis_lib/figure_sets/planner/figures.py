@@ -1,4 +1,4 @@
-"""Figures of ``planner``, drawn from its cube, and what its tables need besides the cube."""
+"""Figures of ``planner``, drawn from its cube, and further values for its tables."""
 
 import json
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from thesis_lib.plotting import panels, style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 
-FRONT_QUESTION = figure_set.FREE_QUESTIONS["beam"]  # of which the front is drawn
+FRONT_QUESTION = figure_set.FREE_QUESTIONS["beam"]  # whose front of error and cost is drawn
 SHOWN_CAMERAS = 4  # of the layouts that are drawn, or the nearest number
 
 
@@ -75,7 +75,7 @@ def compare_limits(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def list_front(cube: xr.Dataset) -> dict[str, Any]:
-    """Return the options on the front of one question."""
+    """Return the options on the front of error and cost of one question."""
     one = cube.sel(question=FRONT_QUESTION).sortby("cost")
     return {"options": [part for part in iterate_slices(one, "option") if part["on_front"] == 1]}
 
@@ -135,7 +135,7 @@ TEXTS = {
 
 
 def show_layouts(cube: xr.Dataset) -> HTML:
-    """Show every planned layout in a notebook, to be turned."""
+    """Return a view of all planned layouts for a notebook, which can be rotated."""
     plans = []
     for one in iterate_slices(cube, "question"):
         question, found = one["question"].item(), np.flatnonzero(np.isfinite(one["cost"].values))
