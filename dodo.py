@@ -1,6 +1,6 @@
-"""The book as tasks: notebooks to cubes, cubes to pieces of pages, all of it to pages.
+"""doit tasks of the book: execute notebooks, write pieces of pages from cubes, render pages.
 
-``thesis book`` runs what is stale, and so does ``doit``; ``doit list --all`` shows the tasks.
+``thesis book`` and ``doit`` run the tasks that are out of date; ``doit list --all`` lists all.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import folder_files, library_files
 from thesis_lib.web.page import NPM_PACKAGES
 
-DRAWN = (illustrations.FACTS, *build.longest_first())  # what is drawn as soon as it is there
+DRAWN = (illustrations.FACTS, *build.longest_first())  # drawn as soon as the cube exists
 DOIT_CONFIG = {
     "dep_file": str(build.PROJECT_ROOT / "build" / ".doit.sqlite"),
-    "backend": "sqlite3",  # whose file is whole after a kill
+    "backend": "sqlite3",  # its file stays intact after a kill
     "num_process": 2,
     "par_type": "thread",  # notebooks and Sphinx compute in processes of their own
     "continue": True,
     "reporter": build.StepReporter,
-    # Two steps that compute in this process would wait for each other: beside each runs a notebook.
+    # Two steps that compute in this process block each other, so a notebook runs next to each.
     "default_tasks": [
         "inputs",
         "assets",
@@ -55,9 +55,9 @@ PAGES = [
     if EXECUTED_FOLDER not in path.parents
 ]
 NOTEBOOKS = [result_files(name)[0] for name in STUDIES]
-CHECKS = build.PROJECT_ROOT / "build" / "conformance.xml"  # what `make test-all` recorded
+CHECKS = build.PROJECT_ROOT / "build" / "conformance.xml"  # written by `make test-all`
 PUBLISHED = sorted((build.PROJECT_ROOT / "data" / "published").glob("*.*"))
-WORD_CODE = ("templates.py", "text.py")  # that all pieces are written with
+WORD_CODE = ("templates.py", "text.py")  # used by all pieces
 PIECE_CODE = list_code("book/pieces", *WORD_CODE)
 TEXT_CODE = list_code(
     "book", "facts", "figure_sets", "ledger", "planning", "plotting", "web", *WORD_CODE
@@ -65,12 +65,12 @@ TEXT_CODE = list_code(
 
 
 def task_inputs() -> Iterator[dict[str, Any]]:
-    """Compute the interpretations of the thesis first: they take long, and rest on no cube."""
+    """Compute the interpretations of the thesis first: they take long and need no cube."""
     yield {
         "name": "interpretations",
         "actions": [build.make_inputs],
         "targets": ledger.input_files(ledger.Claims()),
-        "uptodate": [True],  # their names tell what they are made from
+        "uptodate": [True],  # their names contain a digest of request and code
         "io": {"capture": False},
     }
 
@@ -90,7 +90,7 @@ def task_notebook() -> Iterator[dict[str, Any]]:
 
 
 def task_assets() -> Iterator[dict[str, Any]]:
-    """Install MathJax and MiniSearch from the lock of npm."""
+    """Install MathJax and MiniSearch as locked in ``package-lock.json``."""
     needs = [build.PROJECT_ROOT / "package-lock.json", build.PROJECT_ROOT / "package.json"]
     made = [build.PROJECT_ROOT / "build" / "assets" / name for name in NPM_PACKAGES]
     yield make_task(
@@ -104,12 +104,12 @@ def write_pieces(pieces: Sequence[str], names: Iterable[str] = ()) -> None:
 
 
 def included(*names: str) -> list[Path]:
-    """Return the files of pieces of pages."""
+    """Return the Markdown files of pieces of pages."""
     return [EXECUTED_FOLDER / f"{name}.md" for name in names]
 
 
 def task_text() -> Iterator[dict[str, Any]]:
-    """Write what pages include that rests on no cube."""
+    """Write the pieces of pages that need no cube."""
     recordings_code = [
         measured_sample.sample_path(),
         *list_code("book/pieces", "laboratory", "measure", "planning", "plotting", "web"),
@@ -154,7 +154,7 @@ def task_text() -> Iterator[dict[str, Any]]:
 
 
 def task_piece() -> Iterator[dict[str, Any]]:
-    """Write the tables, sentences and pictures that rest on several cubes."""
+    """Write the tables, sentences and figures that need several cubes."""
     measured = [name for name in STUDIES if name != "claims"]
     others = [result_files(name)[0] for name in measured]
     elsewhere = (*texts.OF_LEDGER, *texts.OF_NO_CUBE)
@@ -190,7 +190,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
 
 
 def task_figures() -> Iterator[dict[str, Any]]:
-    """Draw the figures of chapters, and write the numbers of each cube to download."""
+    """Draw the figures of chapters, and write the numbers of each cube as CSV files."""
     for name in (*STUDIES, illustrations.FACTS):
         drawn = [one for one, (of, _) in illustrations.FIGURES.items() if of == name]
 
@@ -211,7 +211,7 @@ def task_figures() -> Iterator[dict[str, Any]]:
 
 
 def task_pages(creators: Sequence[Any] = (task_text, task_figures, task_piece)) -> dict[str, Any]:
-    """Render the pages, which include what other tasks make, and pack them as one file."""
+    """Render the pages, which include the outputs of other tasks, and pack them as one file."""
     pieces = [target for tasks in creators for task in tasks() for target in task["targets"]]
     needs = [*PAGES, *NOTEBOOKS, *pieces, *library_files(), build.PROJECT_ROOT / "_config.yml"]
     task = make_task(

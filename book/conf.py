@@ -13,5 +13,5 @@ globals().update(_settings)
 
 
 def setup(app):
-    """Let pages be read side by side: the one extension that does not say so works afterwards."""
+    """Let Sphinx read pages in parallel: the extension that does not declare it runs afterwards."""
     app.extensions["sphinx_multitoc_numbering"].parallel_read_safe = True

@@ -20,8 +20,8 @@
   });
   addEventListener("resize", () => box.open && zoom(scale));
 
-  // Sizes, not transforms: drawings are drawn again at each size, and so stay sharp.
-  function zoom(to) { // what is in the middle stays there
+  // Sizes, not transforms: drawings are rendered again at each size, and so stay sharp.
+  function zoom(to) { // the centre stays in place
     const [x, y] = [view.clientWidth / 2, view.clientHeight / 2];
     const next = Math.min(MOST, Math.max(1, to)), grown = next / scale;
     const [left, top] = [(view.scrollLeft + x) * grown - x, (view.scrollTop + y) * grown - y];
@@ -29,7 +29,7 @@
     content.style.width = `${scale * fit()}px`;
     view.scrollTo(left, top);
   }
-  // On a phone the panels stay one below the other, each twice as wide as in the page.
+  // On a phone the panels stay stacked, each twice as wide as in the page.
   function show(image) {
     const panels = phone.matches && image.closest(".tl-frame").querySelector(".tl-panels");
     const widths = (panels ? [...panels.children] : [image]).map((one) => one.clientWidth);
@@ -60,13 +60,13 @@
     frame.append(shown, button("tl-grow", "⤢", () => show(image), { ariaLabel }));
   }
 
-  // The rest of the figures is loaded once the page is there: a saved page has them.
+  // The other figures are loaded after the page, so that a saved page has them.
   addEventListener("load", () => setTimeout(() => {
     for (const image of document.querySelectorAll(".bd-article img[loading=lazy]"))
       image.loading = "eager";
   }, 200));
 
-  // On a phone the panels of a figure stand one below the other, each as wide as the page.
+  // On a phone the panels of a figure are stacked, each as wide as the page.
   const stack = (image) => {
     const [width, height] = [image.getAttribute("width"), image.getAttribute("height")];
     const panels = image.dataset.panels.split(";").map((box) => {
@@ -90,8 +90,8 @@
   divide();
 })();
 
-// Figures of one case, with a switch of the mode. Without this script, and in print, all are seen.
-// A link to one of the others, and a search in the page, leads to its mode.
+// Figures of one case, with a switch of the mode. Without this script, and in print, all are shown.
+// A link to a hidden figure, and a search in the page, selects its mode.
 (() => {
   const { element } = window.thesisBook;
   const figures = [...document.querySelectorAll(".tl-under-figure[data-case]")].map((line) => {
@@ -116,7 +116,7 @@
     shown[0].figure.closest(".cell_output").before(fieldset);
     const find = () => shown.find(({ figure: { id } }) => `#${id}` === location.hash);
     choose(find() ?? shown[0]);
-    addEventListener("hashchange", () => { // for browsers that do not reveal what is hidden
+    addEventListener("hashchange", () => { // for browsers that do not reveal hidden elements
       const one = find();
       if (!one?.parts[0].hidden) return;
       choose(one);

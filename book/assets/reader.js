@@ -1,4 +1,4 @@
-// Tables that fit, previews of links, how to cite; and what search.js and figures.js share.
+// Tables that fit, previews of links, citations; and functions shared with search.js and figures.js.
 window.thesisBook = (() => {
   const root = new URL(document.documentElement.dataset.content_root ?? "./", location.href).href;
   const loading = {};
@@ -14,10 +14,10 @@ window.thesisBook = (() => {
   };
   const button = (className, words, onclick, names = {}) =>
     element("button", { className, type: "button", onclick, ...names }, words);
-  const closes = (dialog) => dialog.addEventListener("keydown", (event) => { // the page has another use for Escape
+  const closes = (dialog) => dialog.addEventListener("keydown", (event) => { // the page uses Escape, too
     if (event.key === "Escape") event.stopPropagation();
   });
-  const dialog = (className, name) => { // Escape closes it, and so does a click beside it
+  const dialog = (className, name) => { // Escape or a click outside closes it
     const made = element("dialog", { className, ariaLabel: name,
       onclick: (event) => event.target === made && made.close() });
     closes(made);
@@ -36,11 +36,11 @@ window.thesisBook = (() => {
 addEventListener("load", async () => {
   const { element } = window.thesisBook;
   await window.MathJax?.startup?.promise;
-  const phone = matchMedia("(max-width: 600px)"), MOST = 6; // rows that become cards: of more a page would have no end
+  const phone = matchMedia("(max-width: 600px)"), MOST = 6; // rows that become cards: more would make the page too long
   const ROLES = { THEAD: "rowgroup", TBODY: "rowgroup", TR: "row", TH: "columnheader", TD: "cell" };
   const SPANS = "[colspan]:not([colspan='1']), [rowspan]:not([rowspan='1'])";
 
-  // A card says the heads of its columns; the roles stay those of a table, which the style takes away.
+  // A card shows its column headers; explicit roles keep it a table, which the style would undo.
   const name = (table) => {
     if (table.role) return;
     table.role = "table";
@@ -56,7 +56,7 @@ addEventListener("load", async () => {
   };
   const isRegular = ({ tHead, rows }) => tHead?.rows.length === 1 && rows.length <= MOST;
   const isWide = (box) => box.scrollWidth > box.clientWidth + 1;
-  const fit = (box) => { // what holds a table, or an equation
+  const fit = (box) => { // a box around a table or an equation
     const table = box.querySelector("table"), scrolled = box.classList.contains("tl-scrolls");
     table?.classList.remove("tl-tight", "tl-cards");
     box.classList.remove("tl-scrolls");
@@ -75,20 +75,20 @@ addEventListener("load", async () => {
     for (const { target, contentRect: { width } } of seen) {
       if (!width || widths.get(target) === width) continue;
       widths.set(target, width);
-      requestAnimationFrame(() => fit(target)); // at once would be told as a loop
+      requestAnimationFrame(() => fit(target)); // at once, the observer would report a loop
     }
   });
   for (const one of document.querySelectorAll(".bd-article div.math mjx-container, .bd-article table"))
     if (!one.closest(".tl-fragment")) watch.observe(one.matches("table") ? one.parentElement : one);
 });
 
-// Links tell what they lead to: pointed at, focused, or at a first tap.
+// Previews of links: on hover, on focus, or at a first tap.
 (() => {
   const { root, element, entries } = window.thesisBook;
   const LINKS = ".bd-article a.reference.internal", WAIT = 250, LONGEST = 320; // ms, characters
   let places = null, of = null, timer = 0, touched = false;
 
-  const known = () => (places ??= entries().then((all) => new Map( // of two in one place the first
+  const known = () => (places ??= entries().then((all) => new Map( // the first of two at one place
     all.toReversed().flatMap((entry) => [...entry.places.map((place) => `#${place}`), ""]
       .map((place) => [entry.page + place, entry])))));
   const hide = () => {
@@ -103,7 +103,7 @@ addEventListener("load", async () => {
   document.body.append(box);
   const shorten = (text) => {
     if (text.length <= LONGEST) return text;
-    const cut = text.slice(0, LONGEST), math = cut.lastIndexOf("\\("); // an equation is not cut
+    const cut = text.slice(0, LONGEST), math = cut.lastIndexOf("\\("); // equations are not cut
     return `${cut.slice(0, math > cut.lastIndexOf("\\)") ? math : cut.lastIndexOf(" "))} …`;
   };
   const show = async (link) => {
@@ -140,7 +140,7 @@ addEventListener("load", async () => {
   on("pointerout", later, byMouse);
   on("focusin", soon, () => !touched);
   on("focusout", later);
-  on("click", async (link, event) => { // a first tap shows, a second goes
+  on("click", async (link, event) => { // a first tap shows the preview, a second follows the link
     event.preventDefault();
     hide();
     of = link;
@@ -154,13 +154,13 @@ addEventListener("load", async () => {
   });
 })();
 
-// How to cite this page, a figure or the data on it, with the edition that was read.
+// Citations of this page, a figure or its data, with the edition of the book.
 (() => {
   const { root, load, element, button, dialog } = window.thesisBook;
   const tools = document.querySelector(".article-header-buttons");
   if (!tools || !document.querySelector(".bd-article h1")) return;
 
-  const list = (edition) => { // what can be cited here: a name, an anchor, a key
+  const list = (edition) => { // citable items: a name, an anchor, a key
     const page = location.href.slice(root.length).split(/[?#]/)[0];
     const [title] = document.title.split(" — "), keyOf = (text) => text.replace(/\W+/g, "-");
     const made = [{ name: title, at: page, key: keyOf(page.replace(/\.html$/, "")) }];
@@ -211,7 +211,7 @@ addEventListener("load", async () => {
     };
     const chosen = element("select", { onchange: fill }, ...all.map((one, i) =>
       new Option(i ? one.name : `This page: ${one.name}`, i)));
-    // Of a figure that the address names, that figure.
+    // The figure that the URL names, if any.
     const named = all.findIndex((one) => location.hash && one.at.endsWith(location.hash));
     chosen.value = Math.max(0, named);
     fill();

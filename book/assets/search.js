@@ -9,12 +9,12 @@
   const ENDING = /(?:ations?|ingly|edly|ings?|ions?|ments?|ers?|ies|ied|ed|es|ly|e|s|y)$/;
   const KINDS = { section: "text", figure: "figure", equation: "equation", name: "library", term: "word", source: "source", claim: "claim", thesis: "thesis" };
   const WEIGHT = { section: 1.2, figure: 1.3, equation: 1.2, term: 1.5, thesis: 1.3, name: 0.5, source: 1, claim: 0.4 };
-  // Prose and figures come first, then tables of tests and claims, then the library but for a name that is asked for.
+  // Prose and figures come first, then tables of tests and claims, then the library, unless its name is searched for.
   const behind = (one, query) => /[._]/.test(query) && one.title.endsWith(query.trim()) ? 0 : one.page.startsWith("api/") ? 2 : one.kind === "claim" || /^(developers|benchmarks)\./.test(one.page) ? 1 : 0;
   const LONGEST = 200, MOST = 20, TERMS = 12;
-  const FEW = 2; // finds by one letter that do not spare a look for those by two
+  const FEW = 2; // results with one typo, up to which those with two are also searched
 
-  // Words, numbers such as 3.24, names such as focal_px, which count as a whole and in parts.
+  // Words, numbers such as 3.24, and names such as focal_px, indexed as a whole and in parts.
   const wholes = (text) => text.match(/[\p{L}\p{N}]+(?:[._'-][\p{L}\p{N}]+)*/gu) ?? [];
   const parts = (word) => (/^[\d.]+$/.test(word) ? [] : word.split(/[._-]/).filter((part) => part !== word));
   const words = (text) => wholes(text).flatMap((word) => [...new Set([word, ...word.split("."), ...parts(word)])]);
@@ -54,24 +54,24 @@
   const find = ({ index, entries }, query) => {
     const queries = asked(query);
     const shown = (found) => found.map((one) => ({ ...entries[one.id], terms: one.terms })).sort((a, b) => behind(a, query) - behind(b, query));
-    for (const typos of [0, 1, 2]) { // two letters that changed places are two
+    for (const typos of [0, 1, 2]) { // two swapped letters count as two
       const fuzzy = typos && ((term) => (typed(term) && term.length > 2 + typos ? typos : false));
       const found = index.search({ combineWith: "AND", queries }, { fuzzy, processTerm: typos ? lower : stem });
       if (found.length > (typos === 1 ? FEW : 0)) return { found: shown(found) };
     }
-    const some = index.search({ combineWith: "OR", queries }, { processTerm: stem }); // those with most of the words come first
+    const some = index.search({ combineWith: "OR", queries }, { processTerm: stem }); // results with most of the words come first
     const most = Math.max(0, ...some.map((one) => new Set(one.queryTerms).size));
     return { found: shown(some.filter((one) => new Set(one.queryTerms).size === most)), partly: true };
   };
 
-  // The part of a text around the first word that was found, with such words marked.
+  // The part of a text around the first match, with all matches marked.
   const plain = (text) => text.replace(/\\[()[\]]/g, "").replace(/\\(?:mathbf|mathrm|tfrac|frac|text)?\{?([A-Za-z]*)\}?/g, "$1");
   const snippet = (text, terms) => {
     const whole = plain(text), any = terms.map((term) => term.replaceAll(".", "\\.")).join("|");
     const pattern = new RegExp(`((?<![\\p{L}\\p{N}])(?:${any})[\\p{L}]*)`, "giu");
     const at = Math.max(0, whole.search(pattern));
     const from = at < 80 ? 0 : whole.indexOf(" ", at - 60) + 1, to = from + 190;
-    const parts = whole.slice(from, to).split(pattern); // every second one was found
+    const parts = whole.slice(from, to).split(pattern); // every second one is a match
     return element("span", {}, from ? "… " : "",
       ...parts.map((part, i) => (i % 2 ? element("mark", {}, part) : part)),
       whole.length > to ? " …" : "");

@@ -1,12 +1,12 @@
 """Flexural vibration measured by several cameras: the library of an executable thesis companion.
 
-To start from: what the rooms :mod:`~thesis_lib.vibration`, :mod:`~thesis_lib.vision`,
-:mod:`~thesis_lib.acoustics` and :mod:`~thesis_lib.measure` name, as in
-``from thesis_lib import Beam, hemisphere_cameras, triangulate``. Each name is loaded when it is
-first used, so commands start quickly and the physics needs NumPy alone.
+Start with the names that :mod:`~thesis_lib.vibration`, :mod:`~thesis_lib.vision`,
+:mod:`~thesis_lib.acoustics` and :mod:`~thesis_lib.measure` export, as in
+``from thesis_lib import Beam, hemisphere_cameras, triangulate``. Each name is loaded at its first
+use, so commands start quickly and the physics needs NumPy alone.
 :mod:`~thesis_lib.facts.setups` holds the thesis's camera setups,
 :mod:`~thesis_lib.figure_sets.parametric.compute` turns them into labelled cubes, and
-:mod:`~thesis_lib.ledger.verdicts` holds those against the thesis.
+:mod:`~thesis_lib.ledger.verdicts` compares those with the thesis.
 """
 
 from collections.abc import Mapping
@@ -28,13 +28,13 @@ PUBLIC_NAMES = {
     "assess_manifest calibrate_camera find_corners find_view fit_harmonics measure_recordings "
     "modal_assurance read_cameras read_frames read_manifest synchronise_videos triangulate_seen "
     "write_cameras write_manifest write_video",
-}  #: By room
+}  #: By package
 
 
 def load_name(package: str, modules: Mapping[str, str], name: str) -> Any:
-    """Load a name from the module of a package that has it (PEP 562).
+    """Load a name from the module of a package that defines it (PEP 562).
 
-    `modules` holds names, separated by spaces, by the module relative to the package.
+    `modules` maps each module, relative to the package, to its names, separated by spaces.
     """
     for module, names in modules.items():
         if name in names.split():

@@ -1,4 +1,4 @@
-"""Arrays by what they hold; their shapes stand where they are used."""
+"""Array types by element type; the functions that use them document the shapes."""
 
 from collections.abc import Iterable
 from typing import Any

@@ -1,9 +1,8 @@
-"""Files: where the project is, what results depend on, and writing whole or not at all.
+"""Files: project folders, digests, atomic writes, and protection of a user's files.
 
-No command writes in another file's place. A folder of results holds a record, :data:`RECORD_NAME`,
-of the digests of all that commands wrote there. A file that is not in it is the user's: the command
-refuses to replace it. One that is in it and has been edited since is kept beside, under another
-name.
+No command overwrites a user's file. The record :data:`RECORD_NAME` in a folder of results holds the
+digests of all files that commands wrote there. A command refuses to replace a file that is not in
+the record. It renames, instead of replacing, one that is in the record and has been edited since.
 """
 
 import atexit
@@ -24,12 +23,12 @@ from filelock import FileLock, Timeout
 
 from thesis_lib.text import RefusedError, aside, has_hidden, one_line
 
-_SHIPPED_FOLDER = "_project"  # what of the project a wheel has beside the library
+_SHIPPED_FOLDER = "_project"  # the project files that a wheel contains
 STAGING_PREFIX = ".staging-"
-OWNER_RECORD = ".owner.json"  # in a folder of staging: the host and process that write to it
+OWNER_RECORD = ".owner.json"  # in a staging folder: the host and process that write to it
 LOCK_NAME = ".lock"
 _temporary: set[Path] = set()  # folders of this process
-_CACHE_VARIABLE = "THESIS_CACHE"  # the cache of a command that cannot write its own
+_CACHE_VARIABLE = "THESIS_CACHE"  # replaces a cache folder that is not writable
 
 
 class InUseError(RuntimeError):
@@ -37,13 +36,13 @@ class InUseError(RuntimeError):
 
 
 class NoCloneError(RefusedError):
-    """What needs a clone of the project was asked of a library that is installed without one."""
+    """The request needs a clone of the project; the library is installed without one."""
 
 
 def shipped() -> Path:
     """Return the folder of notebooks, facts, published values, recordings and the lock.
 
-    The checkout; of a library that was installed without one, a folder in its package.
+    This is the checkout or, if the library is installed without one, a folder in its package.
     """
     inside = Path(__file__).with_name(_SHIPPED_FOLDER)
     return inside if inside.is_dir() else inside.parents[2]
@@ -72,12 +71,12 @@ def workplace() -> Path:
 
 @cache
 def _began_in() -> Path:
-    """Return the first working directory: a kernel has a home of its own later."""
+    """Return the working directory at the first call: a kernel gets a folder of its own later."""
     return Path.cwd()
 
 
 def find_obstacle(folder: Path) -> Path | None:
-    """Return the file or folder that keeps a folder from being made or written to, if one does."""
+    """Return the file or folder that prevents creating or writing to a folder, if any."""
     there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
     return None if there.is_dir() and os.access(there, os.W_OK | os.X_OK) else there
 
@@ -85,7 +84,7 @@ def find_obstacle(folder: Path) -> Path | None:
 def cache_folder() -> Path:
     """Return the folder of cached results: ``build/cache``, or a temporary one.
 
-    Where ``build/cache`` cannot be written to, as in a checkout of somebody else's, a command and
+    Where ``build/cache`` cannot be written to, as in another user's checkout, a command and
     the processes that it starts share a folder that is removed when the command ends.
     """
     folder = Path(os.environ.get(_CACHE_VARIABLE, workplace() / "build" / "cache"))
@@ -111,24 +110,24 @@ def library_files() -> list[Path]:
 
 
 def folder_files(places: Iterable[Path]) -> list[Path]:
-    """Return the given files and those in the given folders, without what Python has compiled."""
+    """Return the given files and those in the given folders, without compiled Python files."""
     given = [*places]
     found = {*given}
     for place in given:
         for folder, below, names in os.walk(place):
-            below[:] = {*below} - {"__pycache__", _SHIPPED_FOLDER}  # these are not walked
+            below[:] = {*below} - {"__pycache__", _SHIPPED_FOLDER}  # these are skipped
             found.update(Path(folder, name) for name in names)
     return sorted(path for path in found if path.is_file() and path.suffix != ".pyc")
 
 
 @cache
 def library_digest() -> str:
-    """Return the SHA-256 of the library's files as they were when this was first asked."""
+    """Return the SHA-256 of the library's files at the first call."""
     return digest_of(library_files())
 
 
 def digest_of(paths: Iterable[Path]) -> str:
-    """Return the SHA-256 of files by name and content; what is missing counts as missing."""
+    """Return one SHA-256 over names and contents of files; a missing file has an empty digest."""
     total = hashlib.sha256()
     for path in paths:
         total.update(f"{path.parent.name}/{path.name} {sha256(path)}\n".encode())
@@ -138,8 +137,7 @@ def digest_of(paths: Iterable[Path]) -> str:
 def sha256(path: Path) -> str:
     """Return the SHA-256 of a file; empty if there is none.
 
-    Content is read again unless this process has read the file before and its size, times and
-    inode are what they were.
+    The digest is cached in this process while size, times and inode of the file are the same.
     """
     try:
         now = path.stat()
@@ -155,7 +153,7 @@ def _sha256(path: Path, _as_it_is: tuple[int, ...]) -> str:
 
 
 def whole_file(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file next to `path`, then rename it: never a partial file."""
+    """Write a file atomically: `write` fills a temporary file, which is renamed to `path`."""
     with staging(path.parent) as folder:
         temporary = folder / path.name
         write(temporary)
@@ -163,7 +161,7 @@ def whole_file(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def whole_text(path: Path, text: str) -> None:
-    """Write a text file (UTF-8), whole or not at all; leave it alone if it has this text."""
+    """Write a text file (UTF-8) atomically, unless it already has this text."""
     content = text.encode()
     if not (path.is_file() and path.read_bytes() == content):
         whole_file(path, lambda part: part.write_bytes(content))
@@ -171,9 +169,9 @@ def whole_text(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def staging(folder: Path) -> Iterator[Path]:
-    """Give an empty folder inside `folder` to write in, which is removed at the end.
+    """Provide an empty staging folder inside `folder`, which is removed at the end.
 
-    The folders that killed commands have left there are removed first.
+    Staging folders that killed commands left there are removed first.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for path in [*folder.glob(f"{STAGING_PREFIX}*")]:
@@ -193,7 +191,7 @@ def staging(folder: Path) -> Iterator[Path]:
 
 
 def _is_abandoned(path: Path) -> bool:
-    """Return whether a record proves that a process wrote to a folder which is there no more."""
+    """Return whether a staging folder's process, by its record, ran on this host and has ended."""
     try:
         record = json.loads((path / OWNER_RECORD).read_text(encoding="utf-8"))
         host, process = record["thesis_lib"]
@@ -214,7 +212,7 @@ def remove_temporary() -> None:
 
 @contextlib.contextmanager
 def only_command(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Let no other command write to a folder meanwhile; if one does, wait or raise InUseError."""
+    """Lock a folder against other commands; if one holds the lock, wait or raise InUseError."""
     folder.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder / LOCK_NAME, thread_local=False, is_singleton=True)
     try:
@@ -227,15 +225,15 @@ def only_command(folder: Path, wait: bool = False) -> Iterator[None]:
     try:
         yield
     finally:
-        if lock.lock_counter == 1:  # another that waits for the removed file makes a new one
+        if lock.lock_counter == 1:  # a command that waits for the removed file creates a new one
             with contextlib.suppress(OSError):
                 (folder / LOCK_NAME).unlink()
         lock.release()
 
 
 RECORD_NAME = ".written.json"
-CACHE_TAG = "CACHEDIR.TAG"  # https://bford.info/cachedir: backups leave such a folder out
-_THREAD_LOCK = threading.Lock()  # a lock of a folder keeps out other processes, not threads
+CACHE_TAG = "CACHEDIR.TAG"  # https://bford.info/cachedir: backups skip such a folder
+_THREAD_LOCK = threading.Lock()  # a folder's lock excludes other processes, not threads
 _TAG_TEXT = "Signature: 8a477f597d28d172789f06886806bc55\n# A cache of thesis_lib\n"
 
 
@@ -243,30 +241,30 @@ _REMEDY = "move it away, or write elsewhere"
 
 
 class OutputError(RefusedError):
-    """An output that would replace a file of the user's; the message is one line."""
+    """An output would replace a file of the user's; the message is one line."""
 
 
 @contextlib.contextmanager
 def name_place(place: Path) -> Iterator[None]:
-    """Name a file or folder in errors of the system that name none, as that of a full disk."""
+    """Add the file or folder to system errors that name none, such as that of a full disk."""
     try:
         yield
     except OSError as error:
         if error.filename:
             raise
-        raise OSError(error.errno, error.strerror, str(place)) from error  # PyAV's take no name
+        raise OSError(error.errno, error.strerror, str(place)) from error  # PyAV's accept no name
 
 
 def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = ()) -> None:
-    """Refuse, before anything is computed, to replace files of the user's.
+    """Refuse to replace files of the user's, before anything is computed.
 
     The command will write `files` into `folder`. It reads the files and folders `inputs`, which it
-    never replaces, no matter who wrote them.
+    never replaces, even if a command wrote them.
 
     Raises
     ------
     OutputError
-        With the first file that is there and that no record proves to be the command's own.
+        For the first file that is an input, or that exists and is not in the record.
     """
     record = _read_record(folder)
     given = [path.resolve() for path in inputs]
@@ -278,7 +276,7 @@ def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = 
 
 
 def check_file(file: Path, ending: str) -> None:
-    """Refuse to write a file that is there, or whose name has another ending or hides something."""
+    """Refuse a user's existing file, another extension, or hidden characters in the name."""
     if file.suffix.lower() != ending:
         given = one_line(str(file) if file.name else "")
         raise OutputError(f"given the file {given!r}, allowed: one that ends in {ending}")
@@ -288,16 +286,16 @@ def check_file(file: Path, ending: str) -> None:
 
 
 def put_files(part: Path, folder: Path) -> None:
-    """Move all files of a folder of staging into another, in place of the command's own.
+    """Move all files of a staging folder into another, replacing files that commands wrote.
 
-    It raises what :func:`check_outputs` does; then nothing has been moved.
+    It raises the errors of :func:`check_outputs` before it moves any file.
     """
     found = [path for path in sorted(part.rglob("*")) if path.is_file()]
     names = [path.relative_to(part).as_posix() for path in found]
     with _THREAD_LOCK, only_command(folder, wait=True):
         check_outputs(folder, [folder / name for name in names])
         record = dict(_read_record(folder))
-        for name in names:  # what is there, too: a kill may come before it is replaced
+        for name in names:  # with the present digest: a kill may precede the replacement
             there = {sha256(folder / name)} & {*record.get(name, [])}
             record[name] = [*there, sha256(part / name)]
         whole_text(folder / RECORD_NAME, json.dumps({"thesis_lib": record}, indent=1) + "\n")
@@ -313,7 +311,7 @@ def put_files(part: Path, folder: Path) -> None:
 
 
 def check_cache(folder: Path) -> None:
-    """Refuse a folder for intermediate results that is there and none of ours."""
+    """Refuse an existing folder that is not a cache of this command."""
     tag = folder / CACHE_TAG
     if tag.is_file() and tag.read_bytes() == _TAG_TEXT.encode():
         return
@@ -324,14 +322,14 @@ def check_cache(folder: Path) -> None:
 
 
 def mark_cache(folder: Path) -> None:
-    """Make a folder for intermediate results, which are replaced and removed at will."""
+    """Create a cache folder and tag it; its files may be replaced and removed at any time."""
     folder.mkdir(parents=True, exist_ok=True)
     if not (folder / CACHE_TAG).is_file():
         whole_text(folder / CACHE_TAG, _TAG_TEXT)
 
 
 def _read_record(folder: Path) -> Mapping[str, list[str]]:
-    """Return the digests of each file that commands wrote into a folder, by its name there."""
+    """Return the digests of each file that commands wrote into a folder, by file name."""
     path = folder / RECORD_NAME
     if not os.path.lexists(path):
         return {}

@@ -1,7 +1,7 @@
-"""Tables and paragraphs from Jinja templates of Markdown, with the filters that all of them share.
+"""Tables and paragraphs from Jinja templates of Markdown, with shared filters.
 
-A template stands in the folder ``templates`` next to the module that fills it. Python computes the
-values; the template holds the words, the headings and how each number is rounded.
+A template is in the folder ``templates`` next to the module that renders it. Python computes the
+values; the template holds the text, the headings and the rounding of each number.
 """
 
 from collections.abc import Iterable
@@ -17,22 +17,22 @@ from thesis_lib.web.html import build_environment, format_number
 
 
 def escape_markdown(text: str) -> str:
-    """Escape a reader's words, so that nothing in them is Markdown."""
+    """Escape user text, so that no part of it is Markdown."""
     return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
 
 
 TEMPLATE_FOLDER = "templates"
-# Spaces and dashes at which a line does not end.
+# Spaces and dashes at which lines do not break.
 _UNBROKEN_CHARACTERS = str.maketrans(
     {" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"}
 )
 
 
 def render(module_file: str | Path, name: str, /, **values: Any) -> str:
-    """Fill in the template ``templates/NAME.md`` next to a module, which gives its ``__file__``.
+    """Render the template ``templates/NAME.md`` next to the module with the given ``__file__``.
 
-    `name` may be a whole file name, too, such as ``sketch.svg`` or ``cameras.yaml.j2``. A value
-    that the template names and that is missing is an error.
+    `name` may also be a whole file name, such as ``sketch.svg`` or ``cameras.yaml.j2``. An
+    undefined value is an error.
     """
     file = name if Path(name).suffix in (".md", ".svg", ".html", ".json", ".j2") else f"{name}.md"
     folder = Path(module_file).parent / TEMPLATE_FOLDER
@@ -61,7 +61,7 @@ def _environment(folder: Path) -> jinja2.Environment:
 
 
 def format_millimetres(metres: Any, digits: int = 0) -> str:
-    """Format a length in m as millimetres; ∞ stands as such, and a length that is not there as –.
+    """Format a length in m as millimetres; infinity as ∞ and NaN as –.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def format_spread(values: Iterable[float], digits: int = 2) -> str:
 
 
 def join_words(words: Iterable[Any], last: str = "and") -> str:
-    """Join words as a sentence does.
+    """Join words into a list as in a sentence.
 
     Examples
     --------

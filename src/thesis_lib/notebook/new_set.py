@@ -14,7 +14,7 @@ from thesis_lib.studies.request import Study, describe_parameters, whole_numbers
 from thesis_lib.text import RefusedError
 
 MAX_LINE_LENGTH = 100
-MAX_VALUE_LENGTH = 86  # with the name: longer lists stand one element a line
+MAX_VALUE_LENGTH = 86  # with the name: longer lists have one element per line
 
 
 def parameter_cell(model: type[Study]) -> str:
@@ -38,7 +38,7 @@ def parameter_cell(model: type[Study]) -> str:
 
 
 def _literal(value: Any, lines: bool = False) -> str:
-    """Write a default as Python reads it, with double quotes; an element a line if asked."""
+    """Format a default as Python source with double quotes; with `lines`, one element per line."""
     if not lines:
         return json.dumps(whole_numbers(value), ensure_ascii=False)
     if isinstance(value, dict):
@@ -62,23 +62,23 @@ def write_cell(notebook: Path, model: type[Study]) -> bool:
 
 TEMPLATE_FOLDER = Path(__file__).parent / "template"
 TEMPLATE_NAME, TEMPLATE_CLASS, TEMPLATE_TITLE = "footprint", "Footprint", "Footprint of a pixel"
-TEMPLATE_IMPORTS = ("FigureSet",)  # classes that its request may not hide
+TEMPLATE_IMPORTS = ("FigureSet",)  # classes that its request must not shadow
 CONTENTS_PART = '  - caption: "Beyond the thesis"'
 NAME_PATTERN = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
 def write_set(name: str, title: str = "") -> list[Path]:
-    """Begin a figure set, in the book if `name` is a name, elsewhere if it is a path.
+    """Create a figure set, in the book if `name` is a name, elsewhere if it is a path.
 
     Returns
     -------
     list of Path
-        What was written: the folder, the notebook, and in the book its table of contents.
+        The written files: the folder, the notebook, and in the book its table of contents.
 
     Raises
     ------
     RefusedError
-        If the name is not one, or is taken.
+        If the name is invalid or taken.
     """
     place = Path(name)
     inside = place.name == name
@@ -99,11 +99,11 @@ def write_set(name: str, title: str = "") -> list[Path]:
         raise RefusedError(f"new-set: {name} is taken, allowed: another name")
     quoted = json.dumps(title or " ".join(words).capitalize(), ensure_ascii=False)
     replaced = {
-        TEMPLATE_TITLE: quoted[1:-1],  # it stands in strings of Python and JSON
+        TEMPLATE_TITLE: quoted[1:-1],  # for strings in Python and JSON
         TEMPLATE_CLASS: class_name,
         TEMPLATE_NAME: place.name,
     }
-    any_of = re.compile("|".join(replaced))  # in one pass: a title may hold the template's words
+    any_of = re.compile("|".join(replaced))  # in one pass: a title may contain the template's words
     texts = {
         file.name: any_of.sub(lambda found: replaced[found[0]], file.read_text("utf-8"))
         for file in sorted(TEMPLATE_FOLDER.glob("*.*"))
@@ -117,7 +117,7 @@ def write_set(name: str, title: str = "") -> list[Path]:
     whole_text(notebook, text)
     if not inside:
         return [folder, notebook]
-    contents = project_root() / "book" / "_toc.yml"  # the page comes to the end of its part
+    contents = project_root() / "book" / "_toc.yml"  # the page goes to the end of its part
     before, heading, after = contents.read_text(encoding="utf-8").partition(CONTENTS_PART)
     end = after.find("\n  - caption:")
     after = f"{after[:end]}\n      - file: executed/{place.name}{after[end:]}"

@@ -1,8 +1,8 @@
-"""What the notebooks call: parameters in, cube out, tables and figures to show, and forms.
+"""Functions for notebooks: check parameters, compute cubes, show tables, figures and forms.
 
-A form of parameters stands on a page, of one figure set above its viewer, or of all of them. All
-that it knows comes from the models of :mod:`thesis_lib.figure_sets.registry`, so that it asks,
-refuses and writes what the ``thesis`` command takes. Beam and plate it computes, too.
+A page has a form of parameters for one figure set, above its viewer, or for all of them. The form
+is generated from the models of :mod:`thesis_lib.figure_sets.registry`, so it accepts and refuses
+the same values as the ``thesis`` command. For beam and plate the page also computes the results.
 """
 
 import base64
@@ -35,16 +35,16 @@ _SVG_MIME = "image/svg+xml"
 
 
 def checked(name: str, namespace: Mapping[str, Any]) -> Any:
-    """Check the request that a notebook's variables, its ``globals()``, make.
+    """Validate a notebook's variables, its ``globals()``, as a request.
 
     Raises
     ------
     ParameterError
-        If a value is refused, or papermill has injected a parameter that there is not.
+        If a value is refused, or papermill has injected an unknown parameter.
     """
-    registry.is_known(name, here=True)  # which loads it
+    registry.is_known(name, here=True)  # loads it
     model = registry.model_of(name)
-    injected = [  # names that papermill's cell has set, in the kernel's history
+    injected = [  # names set by papermill's cell, from the kernel's history
         key
         for source in namespace.get("In", [])
         if source.startswith("# Parameters\n")
@@ -66,7 +66,7 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
 def cube_of(asked: Study) -> xr.Dataset:
     """Return the cube of a request, and write it to the file of its parameter `cube`.
 
-    If it can be cut into pieces, the scheduler of ``THESIS_SCHEDULER`` computes them.
+    If the study can be cut into blocks, the scheduler in ``THESIS_SCHEDULER`` computes them.
     """
     if scheduler := os.environ.get(workers.SCHEDULER_VARIABLE, ""):
         workers.check_address(scheduler, workers.SCHEDULER_VARIABLE)
@@ -74,7 +74,7 @@ def cube_of(asked: Study) -> xr.Dataset:
         print(workers.describe_alone(asked.name), file=sys.stderr)
         scheduler = ""
     result = cube_file.cube_of(asked, scheduler)
-    if asked.cube:  # an absolute path stands
+    if asked.cube:  # an absolute path stays
         storage.write_netcdf(result, files.workplace() / asked.cube, compact=True)
     return result
 
@@ -85,10 +85,10 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
 
 
 def viewer(cube: xr.Dataset) -> Viewer:
-    """Return the interactive viewer, in a live notebook and in the static page alike."""
+    """Return the interactive viewer, for a live notebook and for the static page."""
     data, form = selection.viewer_data(cube), dict[str, Any]()
     name = str(cube.attrs["figure_set"])
-    if name in in_page.COMPUTED_SETS:  # whose parameters the page can change
+    if name in in_page.COMPUTED_SETS:  # the page can change their parameters
         form = form_of(registry.validate_request(name, json.loads(cube.attrs["parameters"])))
     first = {"case": data["cases"][0]["name"], "mode": data["modes"][0]["mode"]}
     return Viewer(data=data, form=form, **first)
@@ -96,10 +96,10 @@ def viewer(cube: xr.Dataset) -> Viewer:
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure with its words: an SVG for pages, and in a front end its caption, too."""
+    """A figure with its caption: SVG for pages, image and caption for front ends."""
 
     svg: str = field(repr=False)  #: The drawing
-    #: Its ``name``, ``caption`` and ``alt``, and ``case`` and ``mode`` if it is of one
+    #: Its ``name``, ``caption`` and ``alt``, and ``case`` and ``mode`` if it has them
     about: Mapping[str, Any] = field(repr=False)
 
     def _repr_mimebundle_(self, **_: Any) -> tuple[dict[str, str], dict[str, Any]]:
@@ -118,7 +118,7 @@ def figures(cube: xr.Dataset) -> None:
 
 
 def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
-    """Show :func:`thesis_lib.figure_sets.display.draw_picture`; nothing of a missing mode."""
+    """Show :func:`thesis_lib.figure_sets.display.draw_picture`; None if the mode is missing."""
     drawing = figure_sets.draw_picture(cube, name, *which)
     if drawing is None:
         return None
@@ -128,14 +128,14 @@ def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
 
 
 def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
-    """Show a table or paragraph, :func:`thesis_lib.figure_sets.display.fill_text`."""
+    """Show a table or paragraph of :func:`thesis_lib.figure_sets.display.fill_text`."""
     return Markdown(figure_sets.fill_text(cube, name, *which))
 
 
 def _show_figure(
     cube: xr.Dataset, drawing: Figure, caption: panels.Caption, style: Any = None, **which: Any
 ) -> Shown:
-    """Return a drawing with its words, which say whether it is the thesis's only in kind."""
+    """Return a drawing with its caption, which notes if parameters are not the thesis's."""
     svg = figure_svg(drawing, style)
     ours = cube.attrs["in_the_thesis"] or registry.FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "
@@ -145,14 +145,14 @@ def _show_figure(
 
 
 def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
-    """Return what a form of some figure sets shows and checks, as JSON values.
+    """Return the data of a form for some figure sets, as JSON values.
 
-    ``fields`` lists parameters that differ in anything: name, meaning, unit, what is allowed in
-    words and as JSON schema, how a refusal ends, and the default as it would be typed. ``sets`` and
-    ``chapters`` have by name a title, numbers of fields in the order to show, and a sentence on
-    what the published run takes; a set also numbers in the order in which they are checked, a
-    chapter its sets and the names of the parameters in which they differ. ``here`` is what the page
-    computes by itself, :func:`thesis_lib.figure_sets.parametric.in_page.page_facts`.
+    ``fields`` lists the distinct parameters: name, meaning, unit, allowed values in words and as
+    JSON schema, the end of a refusal, and the default as typed text. ``sets`` and ``chapters`` have
+    by name a title, indices of fields in the order of display, and a sentence on the cost of the
+    published run; a set also has indices in the order of checking, a chapter its sets and the names
+    of parameters in which they differ. ``here`` is the data for computing in the page,
+    :func:`thesis_lib.figure_sets.parametric.in_page.page_facts`.
     """
     fields: list[dict[str, Any]] = []
     sets: dict[str, dict[str, Any]] = {}
@@ -160,9 +160,9 @@ def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
         study, numbers = registry.STUDIES[name], {}
         schema = study.model_json_schema()["properties"]
         for row in request.describe_parameters(study):
-            if row["name"] == "cube":  # where a notebook writes: not of the command
+            if row["name"] == "cube":  # output of a notebook: not of the command
                 continue
-            listed = {"title", "description", "default", "allowed"}  # keys that a row holds itself
+            listed = {"title", "description", "default", "allowed"}  # keys of the row itself
             plain = {key: of for key, of in schema[row["name"]].items() if key not in listed}
             field = {
                 **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
@@ -190,7 +190,7 @@ def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
 
 
 def form_of(request: Study) -> dict[str, Any]:
-    """Return the form of one figure set, which begins with the values of a request."""
+    """Return the form of one figure set, filled with the values of a request."""
     data = form_data([request.name])
     default, values = type(request)().request, request.request
     start = {name: _format_typed(one) for name, one in values.items() if one != default[name]}
@@ -198,7 +198,7 @@ def form_of(request: Study) -> dict[str, Any]:
 
 
 def _format_typed(value: Any) -> str:
-    """Return a value as one would type it.
+    """Format a value as a user would type it.
 
     Examples
     --------
@@ -230,12 +230,12 @@ def _describe_chapter(
 
 
 def _describe_cost(names: list[str]) -> str:
-    """Return the measured cost of running figure sets, or empty; of several the most it can be."""
+    """Describe the measured cost of figure sets, an upper bound for several; empty if unknown."""
     known = effort.read_efforts()
     if not set(names) <= set(known):
         return ""
     seconds, peaks, sizes = zip(*(astuple(known[name]) for name in names), strict=True)
-    two = sum(sorted(peaks)[-2:])  # so many run at a time
+    two = sum(sorted(peaks)[-2:])  # that run at a time
     total = effort.Effort(sum(seconds), two, sum(sizes))
     takes = f"{'up to ' * (len(names) > 1)}{total.time} and {total.memory}"
     return f"With the defaults it takes {takes}, from nothing on two cores."

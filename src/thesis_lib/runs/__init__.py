@@ -1,1 +1,1 @@
-"""Requests to executed notebooks, cubes and pages; nothing twice."""
+"""Execution of requests: set-up of the process, notebooks, cubes and pages."""

@@ -1,7 +1,7 @@
-"""A command: the process it runs in, and what it asks for.
+"""Command line: set-up and shutdown of the process, and arguments.
 
-The process has limits that it can work in, fixed threads, and an end without leftovers; asked for
-are figure sets, parameters, folders and workers.
+The process gets sufficient limits and a fixed number of threads, and leaves no temporary files.
+Arguments are figure sets, parameters, folders and workers.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ _THREAD_VARIABLES += ["VECLIB_MAXIMUM_THREADS"]
 
 
 def check_process() -> None:
-    """Give the process what its files need: streams, numbers of files, a working directory.
+    """Check that the process has standard streams, enough open files, a working directory.
 
-    Standard streams that are closed are opened; else files would be opened, and written, there.
+    Closed standard streams are opened; otherwise files would get their descriptors.
     """
     while (number := os.open(os.devnull, os.O_RDWR)) < 3:
         pass
     os.close(number)
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # as Python has one that is closed
+        if getattr(sys, name) is None:  # Python's value for a closed stream
             setattr(sys, name, open(os.devnull, "w"))  # noqa: PTH123, SIM115
     if sys.platform != "win32":
         import resource
@@ -64,9 +64,9 @@ def check_process() -> None:
 
 
 def list_variables() -> dict[str, str]:
-    """Return variables of every process: one thread a library, since sums depend on their number.
+    """Return environment variables: one thread per library, since sums depend on their number.
 
-    Matplotlib's list of fonts is the project's, too, not the reader's.
+    Matplotlib's font list is also the project's, not the user's.
     """
     return {
         **dict.fromkeys(_THREAD_VARIABLES, "1"),
@@ -75,39 +75,39 @@ def list_variables() -> dict[str, str]:
 
 
 def isolate_process() -> None:
-    """Isolate this process from the reader's settings, before anything that computes is imported.
+    """Isolate this process from the user's settings, before numerical libraries are imported.
 
-    Nothing is imported from the reader's ``PYTHONPATH``. Terminating or hanging up does what
-    Ctrl-C does, unless the parent process has it ignored (``nohup``).
+    Nothing is imported from the user's ``PYTHONPATH``. SIGTERM and SIGHUP do what Ctrl-C does,
+    unless the parent process has them ignored (``nohup``).
     """
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     readers = {Path(place).resolve() for place in given if place}
-    readers.discard(Path(__file__).resolve().parents[2])  # where we are
+    readers.discard(Path(__file__).resolve().parents[2])  # this library
     sys.path[:] = [place for place in sys.path if Path(place).resolve() not in readers]
     for name in list(os.environ):
         if name.startswith(("JUPYTER", "IPYTHON")):
             del os.environ[name]
     os.environ.update(list_variables() | {"MPLBACKEND": "agg"})
-    warnings.simplefilter("ignore")  # of libraries; ours are errors or results
+    warnings.simplefilter("ignore")  # of libraries; ours are errors or in results
     logging.getLogger().addHandler(logging.NullHandler())
     sys.unraisablehook = threading.excepthook = _ignore_error
-    atexit.register(gc.freeze)  # else Python searches all it has imported for cycles, for a second
+    atexit.register(gc.freeze)  # else the last garbage collection takes a second
     for number in _HANDLED_SIGNALS[1:]:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)
 
 
 def _ignore_error(_: Any) -> None:
-    """Print nothing of an error that nobody can catch; it is reported elsewhere."""
+    """Ignore an error that cannot be caught; it is reported elsewhere."""
 
 
 def stop_process(status: int) -> NoReturn:
-    """End at once: kill the processes of this one, so that its threads remove what they wrote."""
+    """Exit at once: kill the child processes, so that threads remove their temporary files."""
     for number in _HANDLED_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     try:
         _end_children()
-        for thread in threading.enumerate():  # which fail without their kernels
+        for thread in threading.enumerate():  # they fail without their kernels
             if thread is not threading.current_thread():
                 thread.join(MAX_WAIT_FOR_THREADS_S)
         _end_children()
@@ -117,11 +117,11 @@ def stop_process(status: int) -> NoReturn:
             sys.stdout.flush()
             sys.stderr.flush()
     finally:
-        os._exit(status)  # threads that do not listen do not matter any more
+        os._exit(status)  # without waiting for other threads
 
 
 def _end_children() -> None:
-    """Kill all processes that this one has started."""
+    """Kill all child processes."""
     import psutil
 
     with contextlib.suppress(psutil.Error):
@@ -156,7 +156,7 @@ def parse_assignments(assignments: Sequence[str]) -> dict[str, Any]:
 
 
 def is_folder(name: str) -> bool:
-    """Return whether what is asked for is a folder of figure sets, there or not."""
+    """Return whether an argument is a folder of figure sets, existing or not."""
     return os.sep in name or name in (".", "..")
 
 
@@ -170,7 +170,7 @@ def sets_of(name: str) -> list[str]:
 def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     """Return validated studies of sets and chapters; each set takes the parameters that it has.
 
-    A name that is a folder's stands for the figure sets in it.
+    A folder stands for the figure sets in it.
     """
     from thesis_lib.figure_sets.registry import model_of
     from thesis_lib.studies.request import check_names, validate_values
@@ -189,7 +189,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
 
 
 def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
-    """Check that a scheduler can be used, and have the notebooks' kernels use it."""
+    """Check that a scheduler can be used, and select it for the notebooks' kernels."""
     from thesis_lib.figure_sets.registry import FIGURE_SETS
     from thesis_lib.studies import workers
 
@@ -219,7 +219,7 @@ def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | No
 
 
 def new_folder(out: Path, option: str = "--out") -> Path:
-    """Check a folder to write to: no file stands in its way, writing is allowed."""
+    """Return the absolute path of an output folder, if it can be created and written to."""
     if str(out) in ("", "."):
         raise RefusedError(f"{option}: given no folder of its own, allowed: {_ANY_FOLDER}")
     folder = out.absolute()

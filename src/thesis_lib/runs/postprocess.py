@@ -1,8 +1,8 @@
-"""Notebook post-processing: figures in cells of their own, and where their results come from.
+"""Notebook post-processing: figures in cells of their own, and provenance of the results.
 
-An executed notebook gets one fold-out and a line under each figure after its run, so that notebooks
-stay as they are. In the book the files stand in its folder ``data``; on a page of its own the cube
-stands next to it, and small tables are in the page itself.
+After its run, an executed notebook gets a fold-out at its end and a line under each figure; the
+source notebook does not change. In the book, files are in its folder ``data``. A stand-alone page
+has the cube next to it and contains the small tables.
 """
 
 import base64
@@ -24,7 +24,7 @@ DATA_FOLDER = "data"
 
 
 def hide_staging(notebook: Any, name: str) -> None:
-    """Leave the reader's parameters in the notebook, without the place of the cube."""
+    """Remove the cube's temporary path from the parameters in the notebook."""
     recorded = notebook.metadata["papermill"]
     recorded.update(input_path=f"notebooks/{name}.ipynb", output_path=f"{name}.ipynb")
     recorded["parameters"].pop("cube")
@@ -36,7 +36,7 @@ def hide_staging(notebook: Any, name: str) -> None:
 
 
 def cut_links(notebook: Any) -> None:
-    """Remove the links of the ledger's rows: their pages are in the book alone."""
+    """Remove the links of the ledger's rows: their pages are only in the book."""
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             data = output.get("data", {})
@@ -45,14 +45,14 @@ def cut_links(notebook: Any) -> None:
 
 
 def place_figures(notebook: Any) -> None:
-    """Give each figure that cells have shown a cell of its own, with its caption and its words."""
+    """Give each displayed figure a cell of its own, with its caption and alternative text."""
     cells = []
     for cell in notebook.cells:
         cells.append(cell)
         shown = [output for output in cell.get("outputs", []) if _read_figure_words(output)]
         more = [figure_cell(f"{cell.id}-{n}") for n in range(2, len(shown) + 1)]
         for place, output in zip([cell, *more], shown, strict=False):
-            del output.data["text/html"]  # for front ends
+            del output.data["text/html"]  # only for front ends
             place.outputs = [one for one in place.outputs if one not in shown] + [output]
             place.metadata["mystnb"] = figure_metadata(**_read_figure_words(output))
         cells += more
@@ -69,7 +69,7 @@ def figure_cell(name: str, **metadata: Any) -> Any:
 
 
 def figure_metadata(name: str, caption: str, alt: str, **_: Any) -> dict[str, Any]:
-    """Return the metadata that make a figure of a cell's picture."""
+    """Return the metadata that turn a cell's image into a figure."""
     words = (
         {"figure": {"name": name, "caption": templates.escape_markdown(caption)}} if caption else {}
     )
@@ -77,7 +77,7 @@ def figure_metadata(name: str, caption: str, alt: str, **_: Any) -> dict[str, An
 
 
 def _read_figure_words(output: Any) -> dict[str, Any]:
-    """Return what the output of a cell says about its figure; nothing if it is none."""
+    """Return the figure metadata of a cell's output; empty if it is no figure."""
     about = output.get("metadata", {}).get("image/svg+xml", {})
     return dict(about) if {"name", "caption", "alt"} <= set(about) else {}
 
@@ -85,14 +85,14 @@ def _read_figure_words(output: Any) -> dict[str, Any]:
 def add_provenance(
     notebook: Any, study: Study, cube: xr.Dataset, digest: str, cost: Effort, in_book: bool
 ) -> None:
-    """Put the fold-out at the end of an executed notebook, and a line under each figure.
+    """Add the provenance at the end of an executed notebook, and a line under each figure.
 
-    The page is one of the book, or stands alone next to its cube, and then holds the tables.
+    The page is one of the book, or stands alone next to its cube, and then contains the tables.
     `digest` is the SHA-256 of the cube's file, `cost` that of the run.
     """
     import nbformat
 
-    name, anchor = study.name, f"provenance-{study.name}"  # of the fold-out in its page
+    name, anchor = study.name, f"provenance-{study.name}"  # anchor of the fold-out on its page
     files = plotted.figure_names(cube)
     tables = {} if in_book else plotted.tabulate_cube(cube, name)
 

@@ -1,1 +1,1 @@
-"""A typed request and its labelled cube."""
+"""Typed requests and their labelled cubes."""

@@ -1,4 +1,4 @@
-"""Result cubes: what they say in a table, what of them is published, and how two of them differ."""
+"""Result cubes: summary tables, published errors, and the differences of two cubes."""
 
 import json
 from collections.abc import Iterator
@@ -22,11 +22,11 @@ _ERRORS = {  # name in the tables: variable, plane if it has one, short label, a
 }
 ERROR_VARIABLES = {name: (variable, plane) for name, (variable, plane, *_) in _ERRORS.items()}
 SHORT_LABELS = {name: label for name, (*_, label, _) in _ERRORS.items()}
-LISTED_VARIABLES = {  # by its dimension, what is compared of a cube whose results are a list
+LISTED_VARIABLES = {  # compared variables of a cube whose results are a list, by its dimension
     "claim": ("claim", "verdict"),
     "quantity": ("quantity", "value", "unit"),
 }
-SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
+SETTING_KEYS = ["case", "value", "label", "pair_order"]  # identify a setting
 ROW_KEYS = [*SETTING_KEYS, "mode"]
 STATISTIC_NAMES = ["trial_0", "median", "low", "high"]
 BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
@@ -44,7 +44,7 @@ def iterate_slices(cube: _Cube, dim: str) -> Iterator[_Cube]:
 
 
 def complex_of(data: xr.Dataset, name: str) -> ComplexArray:
-    """Return the complex values of a variable that is stored as two parts."""
+    """Return the complex values of a variable that is stored as real and imaginary part."""
     return np.asarray(data[f"{name}_real"].values + 1j * data[f"{name}_imag"].values)
 
 
@@ -63,13 +63,13 @@ def cube_errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
 
 
 def cube_error(cube: xr.Dataset, name: str) -> xr.DataArray:
-    """Return one of them."""
+    """Return one error of a cube in %, by its name in the tables."""
     variable, plane = ERROR_VARIABLES[name]
     return cube[variable] if plane is None else cube[variable].sel(plane=plane)
 
 
 def predicted_value(cube: xr.Dataset, error: str) -> xr.DataArray:
-    """Return what is predicted of an error by its name in the tables, in %."""
+    """Return the predicted error in %, by the name of the error in the tables."""
     variable, plane = ERROR_VARIABLES[error]
     own = f"predicted_{variable}"  # of a cube with errors of several kinds
     values = cube[own if own in cube else "predicted_error"]
@@ -77,10 +77,10 @@ def predicted_value(cube: xr.Dataset, error: str) -> xr.DataArray:
 
 
 def summarise_errors(cube: xr.Dataset) -> pd.DataFrame:
-    """Return each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
+    """Tabulate each error by setting and mode: nominal run; median, 5 % and 95 % of random trials.
 
-    Without other trials the latter three are NaN. Of the ledger: the verdict on every claim; of
-    a cube that lists quantities: each with its value and unit.
+    Without random trials the latter three are NaN. A ledger gives the verdict on every claim; a
+    cube that lists quantities gives each with its value and unit.
     """
     if name := list_dimension(cube):
         return pd.DataFrame({column: cube[column].values for column in LISTED_VARIABLES[name]})
@@ -102,9 +102,9 @@ def summarise_errors(cube: xr.Dataset) -> pd.DataFrame:
 
 
 def trial_band(values: xr.DataArray) -> Any:
-    """Return the quantiles 5, 50 and 95 % of errors over their trials but the nominal run.
+    """Return the 5, 50 and 95 % quantiles of errors over the random trials.
 
-    They are (3, setting, ...), NaN without such trials. One setting is read at a time.
+    Shape (3, setting, ...), NaN without random trials. One setting is read at a time.
     """
     here = values.transpose("setting", ..., "trial")
     bands = np.full((len(BAND_QUANTILES), *here.shape[:-1]), np.nan)
@@ -117,7 +117,7 @@ def trial_band(values: xr.DataArray) -> Any:
 def typical_error(values: xr.DataArray) -> Array:
     """Return the median over the random trials, or the nominal run if there are none.
 
-    Shape (setting, ...): what settings are ranked by, as one run alone ranks them by its luck.
+    Shape (setting, ...). Settings are ranked by it, since a single run ranks them by chance.
     """
     literal: Array = values.isel(trial=0).transpose("setting", ...).values
     median = trial_band(values)[1]
@@ -125,7 +125,7 @@ def typical_error(values: xr.DataArray) -> Array:
 
 
 def trials_are(cube: xr.Dataset) -> str:
-    """Return what the trials of a cube are, as tables and legends say it."""
+    """Return the name of a cube's trials in tables and legends."""
     draws = str(cube.attrs.get("draws", ""))
     return draws if draws.endswith(("recording", "recordings")) else "trials"
 
@@ -137,7 +137,7 @@ def percent_text(value: float) -> str:
 
 
 def band_text(median: float, low: float, high: float) -> str:
-    """Return the median and band as they stand in tables; a dash where there were no trials."""
+    """Format a median and band for tables; a dash where there were no trials."""
     text = percent_text
     return "—" if np.isnan(median) else f"{text(median)} ({text(low)}–{text(high)})"
 
@@ -147,12 +147,12 @@ _NUMBER_COLUMNS = ("value", *STATISTIC_NAMES)
 
 
 def summary_path(name: str) -> Path:
-    """Return the path of a figure set's published figures."""
+    """Return the path of a figure set's published errors."""
     return shipped() / "data" / "published" / f"{name}.csv"
 
 
 def publish_errors(cube: xr.Dataset) -> Path:
-    """Make this cube's errors the published ones; returns the file."""
+    """Make this cube's errors the published ones; return the file."""
     path = summary_path(cube.attrs["figure_set"])
     whole_text(path, summarise_errors(cube).to_csv(index=False, float_format="%.6g", na_rep="nan"))
     return path
@@ -180,14 +180,14 @@ def read_published(name: str) -> pd.DataFrame | None:
     listed = next((one for one in LISTED_VARIABLES if one in table), "")
     keys = [listed] if listed else [*ROW_KEYS, "error"]
     columns = LISTED_VARIABLES.get(listed, (*keys, *STATISTIC_NAMES))
-    is_shifted = not isinstance(table.index, pd.RangeIndex)  # by a value too many
+    is_shifted = not isinstance(table.index, pd.RangeIndex)  # a row has too many values
     if is_shifted or set(table) != set(columns) or table.duplicated(keys).any():
         needed = f"needs the columns {', '.join(columns)}, and each {', '.join(keys)} once"
         raise CubeError(describe_damage(path, needed))
     return table
 
 
-# How far rounded files and machines go, of the largest value, by bytes.
+# Differences by rounded files and machines, relative to the largest value, by bytes of a number.
 MAX_EQUAL_DIFFERENCES = {4: 2.5e-4, 8: 1.5e-7}
 MAX_LISTED_NAMES = 12  # names in a list
 
@@ -195,11 +195,11 @@ MAX_LISTED_NAMES = 12  # names in a list
 def compare_summaries(
     new: pd.DataFrame, old: pd.DataFrame, how: Literal["inner", "left"] = "inner"
 ) -> pd.DataFrame:
-    """Return two summaries side by side, for the settings and modes that both have.
+    """Merge two summaries, for the settings and modes that both have.
 
-    With `how` left for all that `new` has; what `old` lacks is NaN.
+    With `how` left, for all that `new` has; values that `old` lacks are NaN.
     Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
-    and ``apart`` tells whether the 5–95 % bands do not meet.
+    and ``apart`` is true where the 5–95 % bands do not overlap.
     """
     keys = next(([one] for one in LISTED_VARIABLES if one in new), [*ROW_KEYS, "error"])
     table = new.merge(old, how, on=keys, suffixes=("", "_old"), validate="one_to_one")
@@ -242,7 +242,7 @@ def difference_lines(
 
 
 def _tabulate_errors(table: pd.DataFrame, first: str, old_name: str) -> list[str]:
-    """Return a header, a line per setting and mode, and a legend, in which `first` is trial 0."""
+    """Return a header, a line per setting and mode, and a legend, with trial 0 as `first`."""
     row = "{:>6} {:>12} {:>4} {:>5} | {:>7} | {:>20} | {:>7} | {:>20} | {:>7}".format
     names = "trial 0", "median (5–95 %)", "trial 0", old_name, "change"
     header, lines = row("case", "setting", "mode", "error", *names), []
@@ -263,7 +263,7 @@ def _tabulate_errors(table: pd.DataFrame, first: str, old_name: str) -> list[str
 
 
 def published_comparison(cube: xr.Dataset) -> pd.DataFrame:
-    """Return what a run found, with what is published of it; NaN where nothing is."""
+    """Merge a run's summary with the published one, with NaN where nothing is published."""
     table = summarise_errors(cube)
     if table.empty:
         return table
@@ -274,7 +274,7 @@ def published_comparison(cube: xr.Dataset) -> pd.DataFrame:
 def error_lines(cube: xr.Dataset) -> list[str]:
     """Return a line per setting and mode with the errors of a run, and those published for it.
 
-    Of a cube that lists quantities these, if nothing is published of them; else nothing.
+    For a cube that lists quantities, return these if none are published, else nothing.
     """
     table = published_comparison(cube)
     if "trial_0" not in table:
@@ -288,7 +288,7 @@ def all_difference_lines(
 ) -> list[str]:
     """Describe all differences of a cube: errors, every variable and coordinate, parameters.
 
-    Without another one from the published run, which holds errors alone; `name` is what to call it.
+    Without `other`, compare with the published run, which has only errors; `name` names `other`.
     """
     lines = difference_lines(cube, other, name)
     if other is None:
@@ -314,7 +314,7 @@ def all_difference_lines(
 
 
 def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[str, str]:
-    """Return ``same``, ``differs`` or why a variable is not compared, and its name or how."""
+    """Return ``same``, ``differs`` or why a variable is not compared, and its name or change."""
     if name not in cube.variables or name not in other.variables:
         return "only in the first" if name in cube.variables else "only in the second", name
     new, old = cube[name], other[name]
@@ -346,7 +346,7 @@ def _select_shared(cube: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.
 
 
 def _differing(new: np.ndarray, old: np.ndarray) -> np.ndarray:
-    """Return which values differ by more than machines and rounded files do."""
+    """Return which values differ by more than :data:`MAX_EQUAL_DIFFERENCES`."""
     kinds = {new.dtype.kind, old.dtype.kind}
     if kinds <= {"f", "i", "u"} and "f" in kinds:
         size = min(one.dtype.itemsize for one in (new, old) if one.dtype.kind == "f")

@@ -1,4 +1,4 @@
-"""Time and memory of figure sets, as the published run took them."""
+"""Time and memory of figure sets in the published run."""
 
 import csv
 import json
@@ -28,7 +28,7 @@ class Effort:
 
     @property
     def time(self) -> str:
-        """The run time in words, as exact as one plans with it.
+        """Return the run time as text, rounded for planning.
 
         Examples
         --------
@@ -40,7 +40,7 @@ class Effort:
 
     @property
     def memory(self) -> str:
-        """The memory in words, to tens of MB."""
+        """Return the memory as text, to tens of MB."""
         return f"{max(round(self.peak_memory_mb, -1), 10):.0f} MB"
 
 
@@ -83,7 +83,7 @@ def read_efforts() -> dict[str, Effort]:
 
 
 def write_efforts(notebooks: Iterable[Path]) -> None:
-    """Publish the efforts that executed notebooks carry."""
+    """Publish the time and memory stored in executed notebooks."""
     lines = [",".join(EFFORT_COLUMNS)]
     for notebook in notebooks:
         carried = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]

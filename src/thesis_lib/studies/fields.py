@@ -1,9 +1,9 @@
-"""Fields of requests and manifests: types with bounds, units, and words for refusals.
+"""Fields of requests and manifests: types with bounds, units, and text for refusals.
 
 A request declares ``focal_length_mm: FocalLength = 24.0``, or ``cone_deg: Angle = 55.0`` with its
-meaning as a string on the next line. The words that refusals, tables and forms show for bounds are
-generated from the type by :func:`describe_type`. A type whose bounds do not tell all has a
-``title``. What depends on other fields is checked by the model, which refuses in words of its own.
+meaning as a string on the next line. :func:`describe_type` generates the text on bounds for
+refusals, tables and forms from the type. A type that its bounds do not describe fully has a
+``title``. The model checks conditions on several fields, with messages of its own.
 """
 
 import ast
@@ -37,11 +37,11 @@ FIELD_UNITS = {
     "_n": "N",
     "_s": "s",
 }
-"""Units of fields by the end of their names; of two that fit the first."""
+"""Units of fields by the suffix of their names; the first match counts."""
 
 
 def unit_of_field(field: str) -> str:
-    """Return the unit of a field by the end of its name, or empty.
+    """Return the unit of a field by the suffix of its name, or an empty text.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def unit_of_field(field: str) -> str:
 
 
 def format_given(value: Any) -> str:
-    """Return a value as it stands in a refusal, of a long list its length."""
+    """Format a value for a refusal; a long list by its length."""
     try:
         text = one_line(json.dumps(value, ensure_ascii=False, default=repr))
         is_long = isinstance(value, list | tuple) and text.endswith("...")
@@ -72,7 +72,7 @@ def refuse_value(field: str, given: Any, why: str) -> None:
 
 
 def format_limit(limit: float, upper: bool = True, digits: int = 4) -> str:
-    """Return a limit, 0 or above, to some digits, rounded to the side that is allowed.
+    """Format a limit, 0 or above, to some digits, rounded to the allowed side.
 
     Examples
     --------
@@ -90,20 +90,20 @@ def format_limit(limit: float, upper: bool = True, digits: int = 4) -> str:
 
 
 def suggest_name(name: str, names: Iterable[str]) -> str:
-    """Return words for the name that was probably meant, if there is one."""
+    """Return a hint at the name that was probably meant, or an empty text."""
     meant = difflib.get_close_matches(name, list(names), 1, 0.6)
     return f" (did you mean {meant[0]}?)" if meant else ""
 
 
 class Fields(BaseModel):
-    """Values as they are typed, all of them known, unchangeable; checks are built when used."""
+    """Immutable values without unknown fields; validators are built at their first use."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True, defer_build=True
     )
 
     def refuse(self, field: str, why: str) -> None:
-        """Refuse the value of a field that does not go with the others."""
+        """Refuse the value of a field that conflicts with the others."""
         refuse_value(field, getattr(self, field), why)
 
 
@@ -126,26 +126,26 @@ def _written_meanings(model: type) -> dict[str, str]:
 def describe_field(model: type[BaseModel], field: str) -> str:
     """Return a field's meaning: the string below it, else the description of its type.
 
-    It is looked up when somebody asks: pydantic's `use_attribute_docstrings` takes a second.
+    It is looked up on demand: pydantic's `use_attribute_docstrings` takes a second.
     """
     written = (_written_meanings(one).get(field) for one in model.__mro__)
     return next(filter(None, written), model.model_fields[field].description or "")
 
 
 def describe_allowed(model: type[BaseModel], field: str) -> str:
-    """Return in words what a field allows."""
+    """Describe the values that a field allows."""
     info = model.model_fields[field]
     return info.title or describe_type(info.annotation, info.metadata)
 
 
 def describe_permitted(model: type[BaseModel], field: str) -> str:
-    """Return what a field allows, with its unit, as it stands in a refusal."""
+    """Describe the values that a field allows, with its unit, for a refusal."""
     unit = unit_of_field(field)
     return f"allowed: {describe_allowed(model, field)}" + (f", in {unit}" if unit else "")
 
 
 def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -> str:
-    """Return the first problem in one line: the field, what was given, what is allowed."""
+    """Describe the first problem in one line: the field, the given value, the allowed ones."""
     unknown = "extra_forbidden", "invalid_key"
 
     def rank(one: ErrorDetails) -> tuple[bool, bool]:
@@ -155,7 +155,7 @@ def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -
     problem = min(error.errors(include_url=False), key=rank)
     inside, holder, name, place = values, model, "", ""
     within: type[BaseModel] | None = model
-    for part in problem["loc"]:  # where in the value; the rest is pydantic's own words
+    for part in problem["loc"]:  # place in the value; other parts are pydantic's own
         if isinstance(inside, Sequence) and isinstance(part, int) and part < len(inside):
             place, inside = f"{place}[{part}]", inside[part]
         elif within is not None and isinstance(inside, Mapping):
@@ -178,17 +178,17 @@ def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """Return the model that an annotation holds, or a list of."""
+    """Return the model in an annotation, also inside a list; None if there is none."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next(filter(None, map(_model_in, get_args(annotation))), None)
 
 
-# Words for types.
+# Descriptions of types.
 
 
 def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) -> str:
-    """Return in words what a type with bounds allows; of `several`, the items of a list.
+    """Describe the values that a type with bounds allows; with `several`, in the plural.
 
     Examples
     --------
@@ -234,7 +234,7 @@ def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) 
 
 
 def _items(kinds: Sequence[Any]) -> str:
-    """Return in words what a list of so many different items holds."""
+    """Describe the items of a list of fixed length."""
     groups = [list(group) for _, group in groupby(kinds)]
     if len(groups) == 1:
         return f" {describe_type(kinds[0], several=True)}"
@@ -246,7 +246,7 @@ def _items(kinds: Sequence[Any]) -> str:
 
 
 def _union(kinds: Sequence[Any], limits: Sequence[Any], several: bool) -> str:
-    """Return in words what one of several types allows; lists in it may hold a value twice."""
+    """Describe a union of types; lists in it may hold a value twice."""
     choices = tuple(one for kind in kinds if get_origin(kind) is Literal for one in get_args(kind))
     others = [kind for kind in kinds if kind is not NoneType and get_origin(kind) is not Literal]
     if choices:
@@ -257,7 +257,7 @@ def _union(kinds: Sequence[Any], limits: Sequence[Any], several: bool) -> str:
 
 
 def _count(limits: Sequence[Any]) -> str:
-    """Return how long a list may be, such as "2 to 8 "; every length above 0 goes without."""
+    """Describe the allowed length of a list, such as "2 to 8 "; empty for all above 0."""
     least = next((one.min_length for one in limits if hasattr(one, "min_length")), 0)
     most = next((one.max_length for one in limits if hasattr(one, "max_length")), None)
     if most is not None:
@@ -273,7 +273,7 @@ _BOUND_KEYS = {
 
 
 def _between(limits: Sequence[Any]) -> str:
-    """Return bounds in words, such as " above 0, at most 100000"."""
+    """Describe bounds, such as " above 0, at most 100000"."""
     at = {key: getattr(one, key) for one in limits for key in _BOUND_KEYS if hasattr(one, key)}
     low = next((key for key in ("gt", "ge") if key in at), "")
     high = next((key for key in ("lt", "le") if key in at), "")
@@ -282,7 +282,7 @@ def _between(limits: Sequence[Any]) -> str:
     return "".join(words).replace("e+", "e")
 
 
-# Numbers, choices and places. Numbers are strict: no text or truth value stands for one.
+# Numbers, choices and positions. Numbers are strict: no text or boolean is accepted.
 
 T = TypeVar("T")
 Real = Annotated[float, Strict()]

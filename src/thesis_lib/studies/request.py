@@ -1,4 +1,4 @@
-"""Requests: the parameters of a figure set, checked once, and the command that gives them."""
+"""Requests: the validated parameters of a figure set, and the equivalent command."""
 
 import hashlib
 import json
@@ -17,7 +17,7 @@ from thesis_lib.text import RefusedError, listed, one_line
 from thesis_lib.vibration import structure as structures
 
 CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
-"""Parameters that only choose of what the thesis has, or draw."""
+"""Parameters that only select from the thesis's study, or concern trials and output."""
 SHARED_FIELDS = (
     "focal_length_mm", "sensor_width_mm", "amplitude_mm", "rest", "azimuth_zero",
     "principal_offset_px", "estimator", "noise_px", "modes",
@@ -26,7 +26,7 @@ SHARED_FIELDS = (
 
 
 class ParameterError(RefusedError):
-    """A request that cannot be run; the message is one line for the person who made it."""
+    """A request that cannot be run; the message is one line for the user."""
 
 
 class Study(fields.Fields):
@@ -36,15 +36,15 @@ class Study(fields.Fields):
     title: ClassVar[str]
     subject: ClassVar[str]  # beam, plate, sound or experiment
     section: ClassVar[str] = ""  # of the thesis, if it is about one
-    folder: ClassVar[str] = ""  # where it is found, if that is not the library
-    study: ClassVar[str]  # what is varied: distance, aperture, resolution, arrays, cameras
+    folder: ClassVar[str] = ""  # its folder, if outside the library
+    study: ClassVar[str]  # varied quantity: distance, aperture, resolution, arrays, cameras
     varied: ClassVar[str]  # name of the varied parameter
     varied_label: ClassVar[str]
     varied_parameters: ClassVar[dict[str, str]] = {}  # of cases in which it is not `varied`
-    first: ClassVar[str] = "nominal run"  # what trial 0 is
-    predicts: ClassVar[str] = "law of rounding"  # what predicted_error stands for
-    draws: ClassVar[str] = "pixel-grid shifts"  # what differs from trial to trial
-    hints: ClassVar[dict[str, str]] = {}  # how to say what is no parameter, by the name tried
+    first: ClassVar[str] = "nominal run"  # description of trial 0
+    predicts: ClassVar[str] = "law of rounding"  # meaning of predicted_error
+    draws: ClassVar[str] = "pixel-grid shifts"  # difference between trials
+    hints: ClassVar[dict[str, str]] = {}  # hints on names that are no parameters
 
     trials: fields.Trials = 200
     seed: fields.Seed = 0
@@ -68,7 +68,7 @@ class Study(fields.Fields):
 
     @property
     def is_of_the_thesis(self) -> bool:
-        """Return whether all parameters that matter to numbers are the thesis's."""
+        """Return whether all parameters that affect numbers have the thesis's values."""
         model = type(self)
         if model.folder or any(info.is_required() for info in model.model_fields.values()):
             return False
@@ -77,12 +77,12 @@ class Study(fields.Fields):
 
     @property
     def request(self) -> dict[str, Any]:
-        """Return all that determines the result, as JSON values; where it is written does not."""
+        """Return the parameters that determine the result, all but `cube`, as JSON values."""
         return self.model_dump(mode="json", exclude={"cube"})
 
     @property
     def digest(self) -> str:
-        """Return ten hexadecimal digits that stand for the request."""
+        """Return ten hexadecimal digits that identify the request."""
         text = json.dumps([self.name, self.request])  # the order of layouts is part of it
         return hashlib.sha256(text.encode()).hexdigest()[:10]
 
@@ -101,7 +101,7 @@ AnyStudy = TypeVar("AnyStudy", bound=Study)
 def peaks_m(
     structure: structures.Structure, modes: Sequence[int], amplitude_mm: float | list[float] | str
 ) -> list[float]:
-    """Return largest deflection of each mode in m; ``force`` is what 1 N makes of it."""
+    """Return the largest deflection of each mode in m; ``force`` means that by 1 N."""
     if isinstance(amplitude_mm, str):
         return [structures.peak_deflection(structure, mode) for mode in modes]
     if isinstance(amplitude_mm, list):
@@ -110,7 +110,7 @@ def peaks_m(
 
 
 def distance_limit(reach: float | str) -> str:
-    """Return what a distance from a structure must exceed, as refused; `reach` is in mm."""
+    """Describe, for a refusal, the least distance from a structure; `reach` is in mm."""
     number = reach if isinstance(reach, str) else f"{reach:.4g}"
     return f"allowed: more than {number} mm, the reach of the structure and its deflection"
 
@@ -127,8 +127,8 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
 
 
 def validate_values(model: type[AnyStudy], values: Mapping[str, Any]) -> AnyStudy:
-    """Return a model's parameters from plain values, refused in one line."""
-    if not isinstance(values, Mapping):  # of a file that is not ours
+    """Validate plain values as a model's parameters; refuse them in one line."""
+    if not isinstance(values, Mapping):  # from an unknown file
         given = fields.format_given(values)
         why = f"{model.name}: given {given}, allowed: an object of parameters by name"
         raise ParameterError(why)
@@ -158,7 +158,7 @@ def describe_parameters(model: type[Study]) -> list[dict[str, Any]]:
 
 
 def whole_numbers(value: Any) -> Any:
-    """Return plain values with whole numbers written without a point."""
+    """Convert floats without a fraction in plain values to integers."""
     if isinstance(value, list):
         return [whole_numbers(one) for one in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
@@ -190,7 +190,7 @@ def study_command(study: Study) -> str:
 
 
 def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
-    """Return words and parameters as a line for a shell.
+    """Join words and parameters into a shell command.
 
     Examples
     --------
@@ -204,7 +204,7 @@ def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
     return " ".join([shlex.join(words), *options])
 
 
-# What a plate and its sound add: markers, planes, medium (thesis 6.1).
+# Plates and their sound: markers, planes, medium (thesis 6.1).
 
 Markers = Annotated[fields.Whole, Field(ge=2, le=60)]
 Grid = Annotated[tuple[Markers, Markers], Field(description="markers along and across the plate")]
@@ -241,12 +241,12 @@ class SoundPlanes(PlateMarkers):
 
     @property
     def medium(self) -> Medium:
-        """The fluid."""
+        """Return the fluid."""
         return Medium(self.speed_of_sound_m_s, self.air_density_kg_m3)
 
     @property
     def planes(self) -> tuple[Plane, Plane]:
-        """The planes XZ and YZ."""
+        """Return the planes XZ and YZ."""
         lengths_mm = self.plane_half_width_mm, self.plane_bottom_mm, self.plane_top_mm
         half, bottom, top = (length / 1000 for length in lengths_mm)
         xz, yz = (Plane(name, half, bottom, top, self.plane_shape) for name in ("XZ", "YZ"))

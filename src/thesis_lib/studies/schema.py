@@ -34,12 +34,12 @@ class Variable:
     """Meaning and unit of a variable's values."""
 
     dims: tuple[str, ...]
-    units: str  #: "1" if it has none; "name" of names, to which a file gives none
+    units: str  #: "1" if it has none; "name" for names, which get no unit in a file
     long_name: str
 
     @property
     def attributes(self) -> dict[str, str]:
-        """As they stand in a file."""
+        """Return the attributes of the variable in a file."""
         units = {} if self.units == "name" else {"units": self.units}
         return units | {"long_name": self.long_name}
 
@@ -75,7 +75,7 @@ def split_complex(name: str, values: NDArray[np.inexact]) -> dict[str, NDArray[n
 
 
 def list_quantities(rows: Iterable[tuple[str, float, str]]) -> dict[str, Any]:
-    """Return names, values and units by variable, of rows of the three."""
+    """Return the variables quantity, value and unit from rows of (name, value, unit)."""
     return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))
 
 
@@ -112,7 +112,7 @@ def marker_cells(cube: xr.Dataset) -> tuple[Array, Array, IntArray]:
 
 
 def fill_cells(values: Array, place: IntArray, count: int) -> Array:
-    """Place markers' values (..., markers) in cells (..., count); NaN where there is none."""
+    """Place markers' values (..., markers) in cells (..., count); NaN in empty cells."""
     filled = np.full((*values.shape[:-1], count), np.nan)
     filled[..., place] = values
     return filled
@@ -121,10 +121,10 @@ def fill_cells(values: Array, place: IntArray, count: int) -> Array:
 # Variables and coordinates that many cubes have.
 
 VARIABLES = read_variables(__file__, "camera_study")
-"""What every setting of a camera study has; beside these dimensions each is over ``setting``."""
+"""Variables of a camera study; each also has the dimension ``setting``."""
 FIELD_COORDINATES = read_variables(__file__, "fields")
 SHORT_TYPES = {"measured_deflection": "float32"}
-"""Type on disk where it is not float64, in which rounding would not matter."""
+"""Types on disk other than float64, for variables whose rounding does not matter."""
 CAMERA_VARIABLES = read_variables(__file__, "cameras")
 REFERENCE_VARIABLE = read_variables(__file__, "reference")
 SETTING_COORDINATES = read_variables(__file__, "settings")
@@ -154,7 +154,7 @@ def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, 
 def of_settings(
     settings: list[Setting], results: Sequence[Mapping[str, Any]], table: Mapping[str, Variable]
 ) -> dict[str, Any]:
-    """Label the results of settings in the order of a table, and where cameras stand."""
+    """Label the results of settings in the order of a table, and the camera positions."""
     values = {
         name: np.array([one[name] for one in results]).astype(SHORT_TYPES.get(name, "float64"))
         for name in table
@@ -198,15 +198,15 @@ def study_coordinates(
     return coords
 
 
-# Attributes: what a cube is, and how it was made.
+# Attributes: description and provenance of a cube.
 
 THESIS_TITLE = "thesis on flexural vibration measurement with multiple cameras"
 RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 
 
 def _commit() -> str:
-    """Commit of the checkout, with a plus sign if it has changes; `unknown` elsewhere."""
-    try:  # where there is no checkout, a commit would be of whatever the package lies in
+    """Return the checkout's commit, with a plus sign if it has changes; `unknown` elsewhere."""
+    try:  # without a checkout, git would report a repository around the package
         command = ["git", "-C", str(files.project_root()), "describe", "--always", "--abbrev=12"]
         command += ["--dirty=+", "--exclude=*"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=10)
@@ -218,11 +218,11 @@ def _commit() -> str:
 def with_provenance(
     cube: xr.Dataset, study: request.Study, seconds: float, library: str = ""
 ) -> xr.Dataset:
-    """Return the cube with attributes that say what it is and how it was made.
+    """Return the cube with attributes on its content and provenance.
 
     `commit`, `created`, `run_time_s` and `peak_memory_mb` differ from run to run; all else is a
     function of the parameters, the library and the versions of the packages it computes with.
-    `library` is the digest of the code that the cube rests on; without it the whole library counts.
+    `library` is the digest of the code that computed the cube, by default of the whole library.
     """
     cube = describe_study(cube, study).assign_attrs(
         title=study.title,
@@ -240,11 +240,11 @@ def with_provenance(
 
 
 def describe_study(cube: xr.Dataset, study: request.Study) -> xr.Dataset:
-    """Add the words of a study and its settings: titles, numbers in the thesis, outline.
+    """Add the description of a study and its settings: titles, figure numbers, outline.
 
     The outline is closed curves (corner, xy) in world X and Y in m, a row of NaN after each: that
-    of the structure, then holes the other way. Its attributes tell what kind of structure it is,
-    its sizes, and of a panel the grid of cells in which its markers are.
+    of the structure, then holes the other way. Its attributes are the kind of structure, its size
+    and, for a panel, the grid of cells in which its markers are.
     """
     cube = cube.assign_attrs(
         varied=study.varied,
@@ -281,13 +281,13 @@ def describe_study(cube: xr.Dataset, study: request.Study) -> xr.Dataset:
 
 
 def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
-    """Return the data with attributes that say where they come from, and with which versions."""
+    """Return the data with attributes on their origin and the package versions."""
     packages = ("numpy", "xarray", "h5netcdf", "h5py")
     versions = {name: importlib.metadata.version(name) for name in packages}
     return data.assign_attrs(
         Conventions="CF-1.11",
         source=source,
         versions=json.dumps({"python": platform.python_version(), **versions}),
-        commit=_commit().ljust(16),  # of one length: bytes after it stay in place
+        commit=_commit().ljust(16),  # fixed length: later bytes stay in place
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )

@@ -1,10 +1,10 @@
-"""Cubes as files: netCDF-4, whole or not at all, and cached for later.
+"""Cubes as netCDF-4 files, written atomically, and a cache of them.
 
-Written and read by h5netcdf, which has wheels where the netCDF library has none.
+h5netcdf writes and reads them; it has wheels where the netCDF library has none.
 
-A cached file is believed only while it is what was written. Next to it stands its digest. A file
-without it, or that has another, was cut, edited or copied there by hand: it is named, and computed
-again. What other packages computed has other keys.
+A cached file is valid only while it matches the digest stored next to it. A file without a digest,
+or with another one, was truncated, edited or copied by hand: a warning names it, and it is computed
+again. Results of other package versions have other keys.
 """
 
 import hashlib
@@ -30,33 +30,33 @@ from thesis_lib import files
 from thesis_lib.studies.cubes import CubeError
 from thesis_lib.text import aside
 
-HELD_BYTES = 64 * 2**20  # that a small file of someone else may fill of the memory
+HELD_BYTES = 64 * 2**20  # of memory that a small unknown file may fill
 MANTISSA_BITS = {  # of a rounded mantissa
-    np.dtype(np.float32): 13,  # to 2⁻¹⁴, 0.006 %: what is drawn
-    np.dtype(np.float64): 23,  # to 2⁻²⁴, as in single precision: what is compared
+    np.dtype(np.float32): 13,  # to 2⁻¹⁴, 0.006 %: plotted values
+    np.dtype(np.float64): 23,  # to 2⁻²⁴, as in single precision: compared values
 }
-# At least, of a large field's largest value: each is within 0.024 % of that
+# Least number of steps in a large field's largest value: values are within 0.024 % of that
 MIN_FIELD_STEPS = 2**11
 _ROUNDED_ATTRIBUTE = "_QuantizeBitRoundNumberOfSignificantBits"
-_SMALL_BYTES = 4096  # up to here compressing costs more than it saves: HDF5 then keeps an index
+_SMALL_BYTES = 4096  # up to here compression costs more than it saves: HDF5 then adds an index
 _HDF5_LOCK = threading.RLock()  # the HDF5 library crashes if two threads use it at once
-_MAX_PACKING_RATIO = 100  # times that what a file holds may be larger than it
-_STEPPED_BYTES = 2**19  # above it, drawn numbers are stored as multiples of a step
+_MAX_PACKING_RATIO = 100  # maximum accepted compression ratio
+_STEPPED_BYTES = 2**19  # above it, plotted values are stored as multiples of a step
 
 
 def write_netcdf(
     cube: xr.Dataset, path: Path, compact: bool = False, steps: Mapping[str, float] | None = None
 ) -> None:
-    """Write a cube as netCDF-4, whole or not at all.
+    """Write a cube as netCDF-4, atomically.
 
     Parameters
     ----------
     compact : bool
-        Whether to compress what is large. It is then rounded: to :data:`MANTISSA_BITS`, and
+        Whether to compress large variables. They are then rounded: to :data:`MANTISSA_BITS`, and
         large fields to multiples of a step, the largest value being at least
-        :data:`MIN_FIELD_STEPS` of them. The file says so itself, and any reader undoes it.
+        :data:`MIN_FIELD_STEPS` of them. Attributes record it, and any reader decodes it.
     steps : mapping, optional
-        By variable: what its values are multiples of, to store them as whole numbers.
+        By variable: the step that its values are multiples of, to store them as integers.
     """
     encoding: dict[Any, dict[str, Any]] = {}
     if compact:
@@ -74,16 +74,16 @@ def write_netcdf(
                 cube = cube.assign({name: _round_mantissa(data.variable)})
     for name, given in (steps or {}).items():
         encoding[name] = encoding.get(name, {}) | _packed(given, "int32")
-    image = io.BytesIO()  # in memory: where HDF5 cannot write a disk it ends the process
+    image = io.BytesIO()  # in memory: HDF5 ends the process if it cannot write to a disk
     with _HDF5_LOCK:
         cube.to_netcdf(image, engine="h5netcdf", encoding=encoding)
         files.whole_file(path, lambda part: part.write_bytes(image.getvalue()))
 
 
 def _step(values: xr.DataArray) -> np.float32 | None:
-    """Return the power of two whose multiples a large field is stored as.
+    """Return the step, a power of two, of whose multiples a large field is stored, else None.
 
-    Trials are left out, since the ledger computes with them.
+    Variables with trials have none, since the ledger computes with them.
     """
     if values.dtype != np.float32 or values.nbytes <= _STEPPED_BYTES or "trial" in values.dims:
         return None
@@ -100,7 +100,7 @@ def _packed(step: float | np.float32, dtype: str) -> dict[str, Any]:
 
 
 def _round_mantissa(values: xr.Variable) -> xr.Variable:
-    """Round to so many bits of mantissa as the netCDF library's *BitRound* does, and mark it so."""
+    """Round mantissas as the netCDF library's *BitRound* does, and record the number of bits."""
     kept = MANTISSA_BITS[values.dtype]
     whole = np.dtype(f"u{values.dtype.itemsize}").type
     dropped = whole(np.finfo(values.dtype).nmant - kept)
@@ -111,7 +111,7 @@ def _round_mantissa(values: xr.Variable) -> xr.Variable:
 
 
 class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
-    """A file to read that looks up a variable once; h5netcdf asks some forty times for each."""
+    """Read-only HDF5 file that looks up a variable once; h5netcdf does so some forty times."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "r")
@@ -126,7 +126,7 @@ class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
 
 
 def read_attributes(path: Path) -> dict[str, Any]:
-    """Return the attributes of a netCDF file as a whole, without its variables."""
+    """Return the global attributes of a netCDF file."""
     with _HDF5_LOCK, h5py.File(path) as file:
         # Single numbers are stored as arrays of one
         return {k: v[0] if np.shape(v) == (1,) else v for k, v in file.attrs.items()}
@@ -145,14 +145,14 @@ def open_netcdf(path: Path) -> xr.Dataset:
         ):
             every, size = file.variables.values(), path.stat().st_size
             held = sum(math.prod(one.shape) * np.dtype(one.dtype).itemsize for one in every)
-            # A small file that would fill the memory is none: no cube is packed as tightly.
+            # A small file that would fill the memory is no cube: none is packed as tightly.
             if held > max(HELD_BYTES, _MAX_PACKING_RATIO * size):
                 said = f"{size / 1e6:.3g} MB say {held / 1e6:.3g} MB"
                 raise CubeError(f"{path}: not a cube of this project ({said})")
             return xr.open_dataset(xr.backends.H5NetCDFStore(file), cache=False).load()
     except CubeError:
         raise
-    except Exception as error:  # the netCDF and HDF libraries raise what they like
+    except Exception as error:  # the netCDF and HDF libraries raise any exception
         raise CubeError(f"{path}: not a readable netCDF file ({type(error).__name__})") from None
 
 
@@ -163,7 +163,7 @@ RESULT_PACKAGES = (
 
 @cache
 def package_versions() -> dict[str, str]:
-    """Return the versions of the packages that results are computed with, of those installed."""
+    """Return the versions of the installed packages that results are computed with."""
     found = {}
     for name in RESULT_PACKAGES:
         with suppress(PackageNotFoundError):
@@ -172,7 +172,7 @@ def package_versions() -> dict[str, str]:
 
 
 def differing_packages() -> list[str]:
-    """Return what is installed in another version than the lock has, in words."""
+    """Describe the packages whose installed versions differ from the lock file."""
     lock = (files.shipped() / "requirements" / "book.txt").read_text(encoding="utf-8")
     pins = re.findall(r"^([\w.-]+)==([^\s;]+)", lock, re.MULTILINE)  # one for each Python
     return [
@@ -189,11 +189,11 @@ def _digest(path: Path) -> Path:
 def load_or_compute(
     path: Path, compute: Callable[[], xr.Dataset], key: str = "", others: Sequence[Path] = ()
 ) -> xr.Dataset:
-    """Return what a file holds, if it has the key; else compute, write and read it.
+    """Return a cached file's content if its key matches; else compute, write and read it.
 
-    Its attribute `run_time_s` says how long it took. A file that is not what was stored there is
-    computed again, with a warning. So it is if one of the `others` is changed: files that `compute`
-    writes itself, as they are too large for the memory.
+    The attribute `run_time_s` is the computing time. A file that was changed is computed again,
+    with a warning. So it is if one of the `others` was changed: files that `compute` writes itself,
+    as they are too large for the memory.
     """
     stored = [path, *others]
     if path.exists():
@@ -210,15 +210,15 @@ def load_or_compute(
     cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
     write_netcdf(cube.assign_attrs({"key": key} if key else {}), path)
     digests = "".join(f"{files.sha256(one)}\n" for one in stored)
-    files.whole_text(_digest(path), digests)  # trusted from now on
+    files.whole_text(_digest(path), digests)  # valid from now on
     return open_netcdf(path)
 
 
 def key_of(values: Any, paths: Iterable[Path] = ()) -> str:
     """Return the key of a step that depends on JSON values and on the contents of files.
 
-    A file's digest is remembered while its size, times and inode are the same; reading a gigabyte
-    takes about a second, tracking it takes minutes.
+    A file's digest is cached while its size, times and inode are the same; reading a gigabyte takes
+    about a second, tracking it takes minutes.
     """
     stamps = [[path.name, files.sha256(path)] for path in paths]
     text = json.dumps([values, stamps, files.library_digest(), package_versions()])

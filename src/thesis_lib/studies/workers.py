@@ -1,11 +1,11 @@
-"""Studies in bounded pieces, by this process, by others of this machine, or by a Dask cluster.
+"""Computation of studies in blocks, by this process, by local processes, or by a Dask cluster.
 
 A study is cut into *blocks*: runs of trials of one setting, by its parameters alone. All arithmetic
-stays within a block, for in their last bits results depend on how many points BLAS multiplies at a
-time. Who computes which block is free: the cube is the same bit for bit. So the workers are no
-parameter; they come by ``thesis run --scheduler``, or by ``THESIS_SCHEDULER`` where papermill runs
-a notebook. An existing cluster needs ``distributed`` (``pip install thesis-lib[scale]``), whose
-configuration has the keys for TLS.
+stays within a block, since the last bits of results depend on how many points BLAS multiplies at a
+time. The cube is the same bit for bit, no matter which worker computes which block. So the workers
+are no parameter: ``thesis run --scheduler`` selects them, or ``THESIS_SCHEDULER`` where papermill
+runs a notebook. An existing cluster needs ``distributed`` (``pip install thesis-lib[scale]``),
+whose configuration has the keys for TLS.
 """
 
 import asyncio
@@ -37,7 +37,7 @@ Result = TypeVar("Result")
 
 
 class SchedulerError(RuntimeError):
-    """Workers that cannot be had; the message is one line: which, what is wrong, how to go on."""
+    """Workers are not available; the message is one line: the scheduler, problem and remedy."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Block:
 
     setting: int  #: Index of the setting
     trials: slice  #: First trial, and the one after the last
-    load: Any = field(compare=False)  #: What computing it needs
+    load: Any = field(compare=False)  #: Input of its computation
 
     @property
     def place(self) -> tuple[int, slice, slice]:
@@ -70,7 +70,7 @@ def runs_of_trials(trials: int, trial_bytes: int) -> Iterator[slice]:
 def compute_blocks(
     work: Callable[[Block], Result], blocks: Iterable[Block], scheduler: str = ""
 ) -> Iterator[tuple[Block, Result]]:
-    """Yield blocks and what `work`, which can be sent to a worker, makes of them, in their order.
+    """Yield each block and its result by `work`, which can be sent to a worker, in order.
 
     Without a `scheduler`, as in :func:`check_address`, they are computed here, one after another.
 
@@ -88,7 +88,7 @@ def compute_blocks(
 
 
 def check_address(scheduler: str, source: str) -> None:
-    """Refuse a scheduler that `source` gives and that is none of those allowed."""
+    """Refuse a scheduler, given by `source`, that is not allowed."""
     match = ADDRESS_PATTERN.fullmatch(scheduler)
     if scheduler != PROCESS_SCHEDULER and not (match and 0 < int(match[1]) < 2**16):
         raise ParameterError(
@@ -98,22 +98,22 @@ def check_address(scheduler: str, source: str) -> None:
 
 
 def check_scheduler(scheduler: str) -> None:
-    """Refuse, before anything starts, a scheduler that cannot be used."""
+    """Refuse a scheduler that cannot be used, before anything starts."""
     if scheduler != PROCESS_SCHEDULER:
         with _connect(scheduler):
             pass
 
 
 def describe_alone(name: str) -> str:
-    """Describe a figure set that no scheduler can help."""
+    """Return the message on a figure set that cannot use a scheduler."""
     return f"{name} is not cut into pieces: it runs in one process, without the scheduler"
 
 
 @contextmanager
 def _start_processes() -> Iterator[pools.Executor]:
-    """Start processes that speak through pipes which nobody else can open."""
+    """Start worker processes that communicate through private pipes."""
     for name in THREAD_VARIABLES:
-        os.environ.setdefault(name, "1")  # which spawned processes inherit
+        os.environ.setdefault(name, "1")  # spawned processes inherit it
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     try:
         with pools.ProcessPoolExecutor(count, multiprocessing.get_context("spawn")) as pool:
@@ -126,7 +126,7 @@ def _start_processes() -> Iterator[pools.Executor]:
 
 @contextmanager
 def _connect(scheduler: str) -> Iterator[pools.Executor]:
-    """Connect to a cluster that answers, and whose workers would compute the same last bits."""
+    """Connect to a cluster whose workers have the same versions, and so the same results."""
     named = f"scheduler {scheduler}"
     try:
         import distributed
@@ -136,14 +136,14 @@ def _connect(scheduler: str) -> Iterator[pools.Executor]:
             f"{named}: the package distributed is not installed; "
             "pip install thesis-lib[scale], or run without a scheduler"
         ) from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised here
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are raised here
 
-    async def greet() -> None:  # a client would wait for ever at a mute port
+    async def greet() -> None:  # a client would wait for ever at a silent port
         keys = distributed.Security().get_connection_args("client")
         (await asyncio.wait_for(connect(scheduler, MAX_WAIT_S, **keys), MAX_WAIT_S)).abort()
 
     try:
-        with pools.ThreadPoolExecutor(1) as thread:  # a notebook's own thread has a loop already
+        with pools.ThreadPoolExecutor(1) as thread:  # a notebook's thread has an event loop already
             thread.submit(asyncio.run, greet()).result()
         client = distributed.Client(scheduler, timeout=MAX_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError) as error:
@@ -176,7 +176,7 @@ def _connect(scheduler: str) -> Iterator[pools.Executor]:
 
 
 def common_versions() -> dict[str, str]:
-    """Return what a worker must have in common with the client."""
+    """Return the versions that worker and client must have in common."""
     packages = {name: version(name) for name in ("numpy", "scipy", "scikit-fem")}
     python = ".".join(platform.python_version_tuple()[:2])
     return {"Python": python, **packages, "library": library_digest()[:12]}
@@ -185,10 +185,10 @@ def common_versions() -> dict[str, str]:
 def map_in_pairs(
     one: Callable[[Item], Result], items: Iterable[Item], stop: Callable[[], object] = lambda: None
 ) -> list[Result]:
-    """Return the results of all items in their order, two computed at a time in threads.
+    """Map a function over items in two threads, and return the results in order.
 
-    As soon as one fails, or an interrupt comes, what has not begun is not begun, `stop` is called
-    to end what has, and the failure is raised.
+    After the first failure or an interrupt no further item begins, `stop` is called to end the
+    running ones, and the failure is raised.
     """
     with pools.ThreadPoolExecutor(2) as pool:
         try:

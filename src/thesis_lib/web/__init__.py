@@ -1,1 +1,1 @@
-"""Pieces of pages that need no server: fragments, viewer, tables, pages of their own."""
+"""Pages that need no server: HTML fragments, viewer, tables, self-contained pages."""

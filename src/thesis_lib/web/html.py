@@ -1,7 +1,7 @@
 """HTML pages from Jinja templates, and fragments with a widget's program and data.
 
-A page loads nothing, which its own policy enforces. A fragment carries its JavaScript, and so runs
-in a page without a kernel, a server or a network.
+A page loads nothing, which its content security policy enforces. A fragment contains its
+JavaScript, and so runs in a page without a kernel, a server or a network.
 """
 
 import base64
@@ -25,7 +25,7 @@ _TEMPLATE_ROOT = Path(__file__).parents[1]
 
 
 def render_html(template: str, **values: object) -> str:
-    """Render a template, named by its path in the package; plain texts put in are escaped.
+    """Render a template, named by its path in the package; inserted plain text is escaped.
 
     Pages extend ``web/templates/page.html.j2`` and are given a `title`.
     """
@@ -39,7 +39,7 @@ def render_lines(template: str, **values: object) -> list[str]:
 
 
 def build_environment(folder: Path, **options: Any) -> jinja2.Environment:
-    """Return an environment for templates in a folder; a value that is missing is an error."""
+    """Return an environment for templates in a folder; an undefined value is an error."""
     options |= {"loader": jinja2.FileSystemLoader(folder), "undefined": jinja2.StrictUndefined}
     return jinja2.Environment(trim_blocks=True, lstrip_blocks=True, **options)
 
@@ -78,7 +78,7 @@ def format_number(value: Any, spec: str = ".0f", missing: str = "—", *, scale:
 
 
 def format_code(text: str) -> Markup:
-    """Return words in which names between backticks are code.
+    """Format names between backticks as code, and escape the text.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def format_code(text: str) -> Markup:
 
 
 def data_address(picture: Picture) -> str:
-    """Return an image as an address that holds its content."""
+    """Return an image as a data URL."""
     kind, content = picture
     mime = "image/svg+xml" if kind == "svg" else f"image/{kind}"
     return f"data:{mime};base64,{base64.b64encode(content).decode()}"
@@ -110,24 +110,24 @@ _IMPORT_PATTERN = re.compile(
 
 
 def read_asset(name: str) -> str:
-    """Return the text of a file of the front ends."""
+    """Return the text of a front-end file."""
     return (ASSETS_FOLDER / name).read_text(encoding="utf-8")
 
 
 COLOURS_CSS = read_asset("colours.css")
 VIEWER_CSS = COLOURS_CSS + read_asset("viewer.css")
-_INDENT_PATTERN = re.compile(r"^[ \t]+(?://.*\n)?|^//.*\n", re.MULTILINE)  # and lines of comment
+_INDENT_PATTERN = re.compile(r"^[ \t]+(?://.*\n)?|^//.*\n", re.MULTILINE)  # and comment lines
 NO_SCRIPT_TEXT = "This viewer needs JavaScript; the figures below show the same results."
 
 
 def join_modules(front: str, *kinds: str) -> str:
-    """Write a front end and what it imports as one module, without the panels of other kinds."""
+    """Bundle a front end and its imports as one module, without the panels of other kinds."""
     modules = {kind: "" for kind in VIEWER_KINDS if kind not in kinds}
 
     def add_module(name: str, wanted: str = "") -> None:
         if name in modules:
             return
-        modules[name] = ""  # a part stands behind those it needs, also if they need each other
+        modules[name] = ""  # a module follows its imports, also if these are circular
         text = read_asset(f"{name}.js")
         for default, needed in _IMPORT_PATTERN.findall(text):
             add_module(needed, default)
@@ -162,9 +162,9 @@ def static_html(
     """Write a widget as a self-contained HTML fragment that needs no kernel, server or network.
 
     `esm` is its front end, an ES module whose one ``export default`` has `render`, and `state` the
-    traits it reads: floats are written with 6 digits, NaN and infinities as null. `without` is said
-    where there is no JavaScript; the printed book shows what `prints` as it first stands. The text
-    is a function of the arguments alone and may stand on a page more than once.
+    traits it reads: floats are written with 6 digits, NaN and infinities as null. `without` is the
+    text without JavaScript; with `prints`, the printed book shows the initial state. The fragment
+    depends on the arguments alone and may occur on a page more than once.
     """
     body = re.sub(r"^export default ", "const widget = ", esm, flags=re.MULTILINE)
     text = json.dumps(copy_plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only

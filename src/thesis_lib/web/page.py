@@ -1,6 +1,6 @@
 """Self-contained pages: an executed notebook, or a list of links, as one HTML file.
 
-It is for a single run; the book is rendered by :mod:`thesis_lib.book.rendering`.
+They are for single runs; the book is rendered by :mod:`thesis_lib.book.rendering`.
 """
 
 import re
@@ -25,19 +25,19 @@ NPM_PACKAGES = {
     "mathjax": ("es5/tex-svg-full.js", "LICENSE"),
     "minisearch": ("dist/umd/index.js", "LICENSE.txt"),
 }
-"""What pages need of each package; it stands in the folder of the package's name."""
+"""Files that pages need from each package; they are in the folder of the package's name."""
 
 _MIME_ORDER = [
     "text/html", "image/svg+xml", "image/png", "image/jpeg", "image/gif", "text/markdown",
     "text/latex", "text/plain",
 ]  # fmt: skip
 _TEMPLATE_FOLDER = Path(__file__).with_name("templates")
-_RENDERING = threading.Lock()  # mdurl fills a cache that other threads read before it is whole
+_RENDERING = threading.Lock()  # mdurl fills a cache that other threads read before it is full
 _BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
 
 
 class BookError(RuntimeError):
-    """The book or a page could not be made; the message says what a person can do about it."""
+    """The book or a page could not be made; the message contains the remedy."""
 
 
 def export_notebook(notebook: Path, title: str) -> str:
@@ -75,7 +75,7 @@ def _frame_page(title: str, body: str, mathjax: str = "") -> str:
 
 
 def mathjax_path() -> Path:
-    """Return where MathJax is once a book was rendered."""
+    """Return the path of MathJax, which exists once a book was rendered."""
     return workplace() / "build" / "assets" / MATHJAX_PATH
 
 
@@ -101,10 +101,10 @@ def _build_parser(html: bool) -> MarkdownIt:
 
 
 def _render_markdown(source: str, html: bool) -> str:
-    """Render Markdown; a link into the book, which is not there, becomes plain words.
+    """Render Markdown; a link into the book, which is not there, becomes plain text.
 
-    `html` tells whether HTML in it counts: in the notebook's own cells, but not in what a program
-    has put out, which may hold a reader's words.
+    `html` allows HTML in the source: in the notebook's own cells, but not in the output of
+    programs, which may contain user text.
     """
     with _RENDERING:
         text = str(_build_parser(html).render(source))
@@ -112,7 +112,7 @@ def _render_markdown(source: str, html: bool) -> str:
 
 
 def _format_equation(tex: str, options: Mapping[str, Any]) -> str:
-    """Return one equation, as MathJax finds it."""
+    """Return one equation in the delimiters of MathJax."""
     if not options.get("display_mode"):
         return f'<span class="math inline">\\({escape(tex.strip())}\\)</span>'
     return f'<div class="math block">\\[{escape(tex.strip())}\\]</div>\n'

@@ -1,4 +1,4 @@
-"""The viewer of results as a widget."""
+"""Viewer of results, as a widget."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,7 +12,7 @@ FORM_CSS = html.VIEWER_CSS + html.read_asset("rerun.css")
 
 
 class Viewer(anywidget.AnyWidget):
-    """Linked panels for one study: the cameras, what they measured, and the error of each setting.
+    """Linked panels for one study: the cameras, their measurements, and the error of each setting.
 
     The reader chooses the case and the mode, sees the best and the worst setting, and highlights
     any setting by pointing at its bar. A beam shows curves, a plate maps of its markers, a sound
@@ -29,8 +29,8 @@ class Viewer(anywidget.AnyWidget):
             clamped at −X. A plate that is no rectangle has ``contours_mm``, closed curves [[X, Y],
             …] about the box's centre: the outline, then holes the other way round.
         ``parameter``
-            The varied one: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A name
-            that begins with aperture is drawn into the camera sketch.
+            The varied parameter: ``{"name": "aperture_deg", "label": "aperture", "unit": "°"}``. A
+            name that begins with aperture is drawn into the camera sketch.
         ``words``
             ``{"draws": what differs from trial to trial, "predicts": what ``predicted`` means}``.
         ``x_mm``, ``colors``
@@ -44,8 +44,8 @@ class Viewer(anywidget.AnyWidget):
             of marker images on the sensor, "modes": [one per mode]}``, and each of its modes
             ``{"measured_mm": [one per marker], "point_error": [one per marker], "mean", "median",
             "low", "high", "predicted", "stated": None | [low, high]}``: errors in percent of the
-            largest reference deflection, ``mean`` of trial 0, ``low`` and ``high`` the 5 and 95 %
-            quantiles; an end of ``stated`` is None where it is open.
+            largest reference deflection, ``mean`` of the nominal run, ``low`` and ``high`` the 5
+            and 95 % quantiles; an end of ``stated`` is None where it is open.
 
         Only a plate has ``grid``, ``[15, 10]`` markers along X and Y; its ``x_mm`` and ``y_mm`` are
         the coordinates of the columns and rows from the plate's corner, and a list with one entry
@@ -57,20 +57,20 @@ class Viewer(anywidget.AnyWidget):
         "shape": [nu, nz]}``, where u is X or Y from the plate's centre; ``pressure_unit``; and
         ``nodal_note``, the words for a plane without reference pressure. Its modes have ``fields``,
         ideal ones by plane: ``{"scale": Pa per 127, "re": base64 of int8, "im": …}`` with the index
-        ``iu * nz + iz``; drawn is Re(p e^{jωt}). Its cases have ``extremes``, by mode ``{"best":
+        ``iu * nz + iz``; Re(p e^{jωt}) is drawn. Its cases have ``extremes``, by mode ``{"best":
         {"index": i, "fields": …}, "worst": …}``, the settings with the least and the largest error
-        of the deflection and what their fields differ by; modes of its settings have ``planes``,
+        of the deflection, and the errors of their fields; modes of its settings have ``planes``,
         ``mean`` to ``stated`` by plane or None on a nodal one, and ``deflection``.
 
         Only a study whose cameras have ideal lenses and whole pixels has ``lens``,
-        ``{"focal_length_mm", "sensor_width_mm", "principal_offset_px"}``; beside the cameras the
-        viewer then shows what one of them sees.
+        ``{"focal_length_mm", "sensor_width_mm", "principal_offset_px"}``; next to the cameras the
+        viewer then shows the image of one of them.
     case : str, optional
     mode : int, optional
-        What to show first; the first case or mode of the data if unknown. In a page the address
-        may say otherwise, ``?case=2a&mode=3&compare=all&setting=2``, and follows what is chosen.
+        The initial case and mode; the first ones of the data if unknown. In a page, its URL takes
+        precedence, ``?case=2a&mode=3&compare=all&setting=2``, and follows the selection.
     form : dict, optional
-        Where no kernel runs, parameters to change and to compute again stand above it: those of
+        Where no kernel runs, the form above the viewer to change parameters and compute again, by
         :func:`thesis_lib.notebook.show.form_of`.
     """
 

@@ -1,1 +1,1 @@
-"""Pieces of pages that are written from cubes and facts."""
+"""Pieces of pages: texts, tables and figures that pages include, from cubes and facts."""

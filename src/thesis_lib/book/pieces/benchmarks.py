@@ -1,7 +1,7 @@
-"""Tables of what benchmarks and tests measured.
+"""Tables of the results of benchmarks and tests.
 
-Of the former one published run of ``python -m benchmarks --publish``; of the latter what they
-compared, with tolerances, as pytest last recorded it here.
+Benchmarks: one published run of ``python -m benchmarks --publish``. Tests: the compared values
+with their tolerances, as pytest last recorded them here.
 """
 
 import json
@@ -24,7 +24,7 @@ NOT_YET = "Nothing was measured yet; `python -m benchmarks --publish` does.\n"
 
 
 def locate_benchmarks() -> Path:
-    """Return where the published run is kept."""
+    """Return the path of the published run."""
     return project_root() / "data" / "published" / "benchmarks.json"
 
 
@@ -35,20 +35,20 @@ def read_benchmarks(path: Path | None = None) -> dict[str, Any]:
 
 
 def median_rate(row: Row) -> float:
-    """Return the median over the rounds, in million a second."""
+    """Return the median rate over the rounds, in millions per second."""
     return statistics.median(row["rates"])
 
 
 def median_ratio(values: Sequence[float], others: Sequence[float]) -> float:
-    """Return the median over the rounds, in each of which both ran, of one value over another."""
+    """Return the median ratio of `values` to `others`, over the rounds in which both ran."""
     return statistics.median(a / b for a, b in zip(values, others, strict=True))
 
 
 def compare_contenders(run: Row) -> list[dict[str, Any]]:
-    """Compare every contender's rate with the peers of its problem and with one core's limit.
+    """Compare each contender's rate with its fastest peer, with Ceres and with one core's limit.
 
-    The fastest peer is neither of this project nor written for its benchmarks. A value is None if
-    the other did not take part; so is the limit's share of what is not the library.
+    Peers are packages neither of this project nor written for its benchmarks. A ratio is None if
+    the other did not take part. The share of the limit is None except for this library.
     """
     rows = []
     for row in run["triangulation"]:
@@ -67,7 +67,7 @@ def compare_contenders(run: Row) -> list[dict[str, Any]]:
 
 
 def compare_targets(run: Row) -> list[tuple[Any, ...]]:
-    """Compare the library with what was aimed at, for each number of cameras."""
+    """Return by number of cameras the library's rate over the fastest peer's and over Ceres's."""
     own = {(r["cameras"], r["refined"]): r for r in compare_contenders(run) if r["name"] == OWN_ROW}
     return [
         (n, own.get((n, False), {}).get("to_peer"), own.get((n, True), {}).get("to_ceres"))
@@ -82,7 +82,7 @@ BENCHMARK_PARTS = {
     "compression": "compression",
     **dict.fromkeys(("targets", "comparison", "needs", "plan"), "triangulation"),
 }
-"""By part of the page: the measurement that it needs."""
+"""The measurement that each part of the page needs."""
 
 
 def tabulate_benchmarks(part: str, run: Row | None = None) -> str:
@@ -114,9 +114,9 @@ CONFORMANCE_PIECES = ("conformance-totals", "conformance-tables")
 
 
 def read_checks(path: Path) -> dict[str, Any]:
-    """Return what a report of pytest says of checks: date, seconds, checks, and failed tests.
+    """Return date, seconds, checks and failed tests from a report of pytest.
 
-    No checks if the tests have not run here.
+    Without a report, since the tests have not run here, there are no checks.
     """
     if not path.is_file():
         return {"checks": [], "failed": []}

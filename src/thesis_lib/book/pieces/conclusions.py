@@ -1,4 +1,4 @@
-"""Chapter 7: the values of its tables, the conclusions at equal pixels, and what came of wishes."""
+"""Tables of chapter 7: conclusions, comparison at equal pixels, results of future work."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -64,13 +64,13 @@ def _list_trends(opened: Cubes) -> list[ledger.Entry]:
 
 
 def tabulate_stated(opened: Cubes) -> str:
-    """Tabulate every sentence of the thesis's conclusions, as the ledger judges it."""
+    """Tabulate every sentence of the thesis's conclusions with the ledger's verdict."""
     entries = [entry for entry in _list_trends(opened) if "-concluding-" in entry.id]
     return render(__file__, "conclusions-stated", entries=entries)
 
 
 def count_trends(opened: Cubes) -> str:
-    """Count the trends that the thesis states of each factor, by the verdict of the ledger."""
+    """Count the trends that the thesis claims for each factor, by the ledger's verdict."""
     entries = _list_trends(opened)
     parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
     parts: dict[str, list[ledger.Entry]] = {}
@@ -93,15 +93,15 @@ def count_trends(opened: Cubes) -> str:
 
 
 def _read_sound_studies(opened: Cubes) -> list[tuple[str, xr.Dataset]]:
-    """Return label and cube of the studies of the sound, random trials alone."""
+    """Return label and cube of each sound study, with the random trials only."""
     names = [f"sound-{study}" for study in ("distance", "aperture", "resolution", "arrays")]
     return [(STUDIES[name].varied_label, opened[name].isel(trial=slice(1, None))) for name in names]
 
 
 def correlate_sound(opened: Cubes) -> str:
-    """Correlate the field's error with the deflection's, in expectation and run by run.
+    """Correlate the ranks of field and deflection errors, in expectation and run by run.
 
-    For each mode and plane that has a reference pressure, over all cases together.
+    Each mode and plane with a reference pressure is one correlation over all cases together.
     """
     rows = []
     for varied, cube in _read_sound_studies(opened):
@@ -126,7 +126,7 @@ def correlate_sound(opened: Cubes) -> str:
 
 
 def tabulate_sound_errors(opened: Cubes) -> str:
-    """Tabulate how large the errors of the sound are: median, and largest 95 % quantile."""
+    """Tabulate the errors of the sound: median, and largest 95 % quantile."""
     rows = []
     for varied, cube in _read_sound_studies(opened):
         shape, sound = cube["deflection_error"], cube["plane_error"]
@@ -137,7 +137,7 @@ def tabulate_sound_errors(opened: Cubes) -> str:
 
 
 def tabulate_experiment(opened: Cubes) -> str:
-    """Tabulate what the thesis's experiment confirms, by the method of finding centres."""
+    """Tabulate which conclusions the thesis's experiment confirms, by centre-detection method."""
     rows = []
     for name, key in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
         cube, factor = opened[name], factors.FACTORS[key]
@@ -164,7 +164,7 @@ def tabulate_experiment(opened: Cubes) -> str:
 
 
 def tabulate_costs(opened: Cubes) -> str:
-    """Tabulate what half the error costs, by the exponents of the simulated beam and plate."""
+    """Tabulate the cost of half the error, by the exponents of the simulated beam and plate."""
     rows = []
     for name, factor in factors.FACTORS.items():
         for one in factors.estimate_effects(opened, factor):
@@ -173,7 +173,7 @@ def tabulate_costs(opened: Cubes) -> str:
             halving = None
             if name in ("closer", "finer", "more"):  # whose errors are a power of the factor
                 halving = 2 ** (-1 / float(np.median(one.exponents)))
-            end = 0 if name == "closer" else -1  # the best one
+            end = 0 if name == "closer" else -1  # index of the best setting
             shares = [  # of marker images on the sensor
                 float(
                     selection.select_settings(opened[of], case, 1).sortby("value")["in_view"][end]
@@ -188,23 +188,23 @@ def tabulate_costs(opened: Cubes) -> str:
 
 
 class EqualPixels(NamedTuple):
-    """Errors by the law in %, rms over markers and modes, at equal pixels."""
+    """Errors predicted by the law of rounding at equal pixels, in %, rms over markers and modes."""
 
     structure: str
     case: str  #: The growing array of the thesis
-    n_cameras: int  #: All cameras of the case
-    array: float  #: Error of all of them
-    pair: float  #: Of the best of its pairs with as many pixels
-    ratio: float  #: The pair's over the array's
+    n_cameras: int  #: Number of all cameras of the case
+    array: float  #: Error of all cameras
+    pair: float  #: Error of the best pair with as many pixels
+    ratio: float  #: Error of the pair over that of the array
 
 
 def equal_pixels() -> Iterator[EqualPixels]:
-    """Compare each growing array of chapters 3 and 4 with the best of its own pairs, made sharper.
+    """Compare each growing array of chapters 3 and 4 with its best pair at equal total pixels.
 
-    Arrays that grow from a poor pair cannot tell whether more cameras or finer ones measure better:
-    there the number and the places change together. Here they are apart. All cameras of a case have
-    N W H pixels; each of its pairs gets as many, so W is √(N/2) times as wide; and the law of
-    rounding predicts the error of either, with the lens and amplitude of the studies.
+    Arrays that grow from a poor pair do not show whether more or finer cameras measure better, as
+    number and positions change together. This comparison separates them. All cameras of a case
+    have N W H pixels; each of its pairs gets as many, so W is √(N/2) times as wide. The law of
+    rounding predicts both errors, with the lens and amplitude of the studies.
     """
     for name, make in STRUCTURES.items():
         study = camera_study(f"{name}-arrays")
@@ -221,9 +221,10 @@ def equal_pixels() -> Iterator[EqualPixels]:
 def _predict_error(
     setting: setups.Setting, directions: Sequence[setups.Direction], finer: float, points: Array
 ) -> float:
-    """Predict the rms over the modes of markers' errors (3, 1 + modes, m), in % of the largest.
+    """Predict the rms error over modes and markers, in % of each mode's largest deflection.
 
     The cameras are those of a setting in some directions, with `finer` times its pixels across.
+    `points` have shape (3, 1 + modes, m), at rest first.
     """
     reading = setups.assumed_values("beam")
     across = finer * setting.resolution_px[0]
@@ -252,7 +253,7 @@ def tabulate_equal_pixels(_: Cubes) -> str:
 
 
 def tabulate_wishes(opened: Cubes) -> str:
-    """Tabulate what came of the wishes of sections 5.3 and 7.1, in a number each."""
+    """Tabulate the results of the future work in sections 5.3 and 7.1, one number each."""
     layouts, plate = opened["lab-layout"], opened["lab-plate"]
     coarse = opened["lab-equal-pixels"]
     judged = ledger.from_cube(opened["claims"])

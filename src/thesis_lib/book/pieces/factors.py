@@ -41,17 +41,17 @@ class Factor:
     """One of the five things that the thesis varies."""
 
     label: str  #: Its name with its unit
-    symbol: str  #: The quantity that the error is taken to be a power of
-    better: int  #: 1 if more of it should measure better, else -1
-    conclusion: str  #: What the thesis concludes, in a word or two
-    advice: str  #: What follows for those who place cameras
-    parameter: str  #: How the ledger's names of a trend's parameter begin
+    symbol: str  #: Quantity x of the power law of the error
+    better: int  #: 1 if larger values should reduce the error, else -1
+    conclusion: str  #: Conclusion of the thesis, in a word or two
+    advice: str  #: Advice for placing cameras
+    parameter: str  #: Prefix of the ledger's names of a trend's parameter
     #: Title and ticks of its panel in the figure
     panel: str
     ticks: tuple[float, ...]
     #: Name of the group, figure set and cases (none means all) of each measurement
     sources: tuple[Source, ...]
-    by_elevation: bool = False  #: Varied is the first camera's elevation φ: a power of cos φ
+    by_elevation: bool = False  #: The first camera's elevation φ is varied; x is cos φ
 
 
 FACTORS = TypeAdapter(dict[str, Factor]).validate_python(
@@ -63,7 +63,7 @@ FACTORS = TypeAdapter(dict[str, Factor]).validate_python(
 class Curve(verdicts.Series):
     """One error of one case and mode over one factor, at the settings that have a result."""
 
-    group: str  #: Whose error
+    group: str  #: Group of the measurement
     #: The cube's prediction and the claimed value in %; NaN where there is none, shape (settings,)
     predicted: Array
     claimed: Array
@@ -75,11 +75,11 @@ class Curve(verdicts.Series):
         return np.asarray(np.sqrt(np.mean(self.errors**2, axis=1)))
 
     def judge_trend(self, better: int) -> trends.Finding:
-        """Test whether the error falls where it should, as the ledger tests trends."""
+        """Test by the ledger's test of trends whether the error falls in the expected direction."""
         test = "falls" if better > 0 else "rises"
         of = (self.case,), (self.mode,), (self.quantity,)
         found = trends.judge_trend(Trend("", 7, "7", *of, "", "", "", (), test), [self])
-        assert found is not None  # the trend is about this very series
+        assert found is not None  # the trend selects this series
         return found
 
 
@@ -100,7 +100,7 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
                 if len(finite) < 2 or not errors.shape[1]:
                     continue
                 order = finite[np.argsort(values[finite], kind="stable")]
-                claimed = np.array(  # the middle of what is claimed, unless that is a bound
+                claimed = np.array(  # the middle of the claimed range, unless it is a bound
                     [
                         (claim.low + claim.high) / 2
                         if claim and claim.values and None not in claim.ends
@@ -131,7 +131,7 @@ def fit_exponent(x: Array, y: Array) -> float:
 
 
 def end_ratio(values: Array, better: int) -> float:
-    """Return the last value over the first, in the direction that should measure better.
+    """Return the last value over the first, or the inverse if `better` is negative.
 
     Examples
     --------
@@ -146,16 +146,16 @@ def end_ratio(values: Array, better: int) -> float:
 class Effect:
     """How strongly a conclusion holds in the curves of one group."""
 
-    group: str  #: Whose error
-    ends: tuple[float, float]  #: The factor's value where it should measure worst and best
+    group: str  #: Group of the measurements
+    ends: tuple[float, float]  #: The factor's values with the expected largest and least error
     #: Error at the best end over that at the worst, of each curve: here, and as claimed
     ratios: Array
     claimed: Array
     #: Fitted exponent of each curve: here, and of the prediction
     exponents: Array
     predicted: Array
-    #: Curves that change towards the good end, or towards the other, by more than the smallest
-    #: effect in at least 95 % of the resamples; that change by less; that are not monotonic
+    #: Numbers of curves that fall towards the expected end, or the other one, by more than the
+    #: smallest effect in at least 95 % of the resamples; that change by less; not monotonic
     confident: int
     opposite: int
     unchanged: int
@@ -166,7 +166,7 @@ class Effect:
 def estimate_effects(opened: Cubes, factor: Factor) -> list[Effect]:
     """Estimate one :class:`Effect` for each group.
 
-    Cubes that remember what is derived of them (`derived`) are asked once for each group.
+    If `opened` has a dictionary `derived`, the effect of each group is cached there.
     """
     remembered: dict[Factor, list[Effect]] = getattr(opened, "derived", {})
     found = []
@@ -204,9 +204,9 @@ def _estimate_effect(group: str, curves: list[Curve], factor: Factor) -> Effect:
 
 
 def sound_trends(opened: Cubes, *factors: str) -> tuple[int, int]:
-    """Count the simulated curves of the sound's error that fall as the shape's do, and all curves.
+    """Count the simulated curves of the sound's error that fall as expected, and all curves.
 
-    Over some factors; if none is named, over all but the aperture.
+    The curves are those over `factors`, by default over all but the aperture.
     """
     found = [
         effect
@@ -223,10 +223,10 @@ CLAIM_MARK: dict[str, Any] = {"marker": "D", "markersize": 4, "markerfacecolor":
 
 
 def draw_summary(opened: Cubes) -> Figure:
-    """Return five panels, one for each factor, all with the same axis of errors.
+    """Draw five panels, one for each factor, all with the same axis of errors.
 
     A line is one case, the geometric mean over modes and planes of the rms over the trials; a
-    diamond is one figure that the thesis states.
+    diamond is one claimed value of the thesis.
     """
     thin: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
     with style.in_style():
@@ -244,7 +244,7 @@ def draw_summary(opened: Cubes) -> Figure:
                 axes.plot(alike[0].values, mean, ".--" if rendered else ".-", **line)
             axes.set_title(factor.panel)
             style.make_logarithmic(axes.xaxis, factor.ticks)
-            if factor.better < 0:  # to the right is what should measure better
+            if factor.better < 0:  # errors should fall to the right
                 axes.invert_xaxis()
         panels[0].set(yscale="log", ylabel="rms error, %")
         panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -260,7 +260,7 @@ def draw_summary(opened: Cubes) -> Figure:
 
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
-    """Draw the figure of the cubes `made` into a folder; without one of them it says so."""
+    """Draw the figure from the cubes `made` into a folder; a placeholder if a cube is missing."""
     try:
         text = style.figure_svg(draw_summary(Opened(made)))
     except MissingCubeError as error:

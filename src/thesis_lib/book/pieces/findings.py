@@ -1,4 +1,4 @@
-"""Results of chapters, with numbers from the cubes: what each chapter, and the book, comes to."""
+"""Summaries of the chapters and of the whole book, with numbers from the cubes."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -28,7 +28,7 @@ FINDING_GROUPS = ("beam", "plate", "sound")
 
 
 def describe_chapter(subject: str, opened: Cubes) -> str:
-    """Describe what a chapter comes to: changes, agreement, the law of rounding."""
+    """Describe the results of a chapter: changes, agreement, the law of rounding."""
     chapter = of_subject(opened, subject)
     changes = _compare_extremes(chapter)
     names = [cube.attrs["figure_set"] for cube in chapter]
@@ -44,7 +44,7 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
             "median_std_percent": np.median(std),
             "max_std_percent": np.max(std),
         }
-    scatters = []  # of centres, that would give what the thesis states of a first setting
+    scatters = []  # of centres, that would give the claimed value of the first setting
     for cube in chapter if subject == "experiment" else ():
         if claim := selection.claimed_errors(cube, "matched", 1)[0]:
             matched, fitted = (
@@ -72,7 +72,7 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
 
 
 def _compare_extremes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
-    """Return the first and the last setting of each case in expectation."""
+    """Return the median errors of the first and the last setting of each case."""
     rows: list[dict[str, Any]] = []
     for cube in chapter:
         modes = cube["mode"].values.tolist()
@@ -88,7 +88,7 @@ def _compare_extremes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
             ends = [str(labels[i]).removesuffix(" cameras") for i in (0, -1)]
             varied = STUDIES[cube.attrs["figure_set"]].varied_label
             rows.append({"case": case, "varied": varied, "ends": ends, "cells": cells})
-    rows.sort(key=lambda row: row["case"] if row["case"][0].isdigit() else "")  # others stay
+    rows.sort(key=lambda row: row["case"] if row["case"][0].isdigit() else "")  # others keep order
     return rows
 
 
@@ -107,7 +107,7 @@ def relative_rms_std(squared: xr.DataArray) -> Array:
 
 
 def describe_repeats(opened: Cubes) -> str:
-    """Describe how many other recordings the bands are over, and where the first lies in them."""
+    """Describe the replicates of recordings: number, scatter, and where the first one lies."""
     rows = []
     for study in (one for one in STUDIES.values() if issubclass(one, parameters.Repeated)):
         error = opened[study.name]["mean_error"].transpose("trial", ...).values
@@ -121,7 +121,7 @@ def describe_repeats(opened: Cubes) -> str:
 
 
 def tabulate_sound_scatter(opened: Cubes) -> str:
-    """Tabulate how far one rounding scatters, by mode and plane."""
+    """Tabulate the scatter of the error from trial to trial, by mode and plane."""
     chapter = of_subject(opened, "sound")
     rows = []
     for mode, plane in audible_planes(chapter[0]):
@@ -139,12 +139,12 @@ def tabulate_sound_scatter(opened: Cubes) -> str:
 
 
 def tabulate_sound_layouts(opened: Cubes) -> str:
-    """Tabulate the rms field error over the rms deflection error: how the layout changes κ."""
+    """Tabulate κ, the rms field error over the rms deflection error, by camera layout."""
     chapter = of_subject(opened, "sound")
     pairs = audible_planes(chapter[0])
     free = [float(chapter[0]["independent_ratio"].sel(mode=m, plane=p)) for m, p in pairs]
     rows: list[dict[str, Any]] = []
-    times: dict[float, list[float]] = {1.0: [], 0.0: []}  # by the share that stands square
+    times: dict[float, list[float]] = {1.0: [], 0.0: []}  # by share of cameras square to the plate
     for cube in chapter:
         for case in selection.list_cases(cube):
             azimuth = selection.select_settings(cube, case, pairs[0][0])["camera_azimuth"].values
@@ -166,9 +166,9 @@ def tabulate_sound_layouts(opened: Cubes) -> str:
 
 
 def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
-    """Return by factor where a body's error is largest and smallest, and its share there.
+    """Return by factor the values with a body's largest and least expected error, and their ratio.
 
-    The share is a median over cases and modes.
+    `share` is the error at the best value over that at the worst, median over cases and modes.
     """
     found = {}
     for name, factor in factors.FACTORS.items():
@@ -180,19 +180,19 @@ def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
 
 
 def law_over_rms(chapter: Sequence[xr.Dataset]) -> Array:
-    """Return the law over the trials' rms of beam or plate, shape (settings × modes,)."""
+    """Return predicted error over the trials' rms of beam or plate, shape (settings × modes,)."""
     ratios = [cube["predicted_error"] / selection.trial_rms(cube["mean_error"]) for cube in chapter]
     return np.concatenate([ratio.values.ravel() for ratio in ratios])
 
 
 def error_over_law(chapter: Sequence[xr.Dataset]) -> Array:
-    """Return each random trial's error over the law's prediction of it, in one dimension."""
+    """Return each random trial's error over its predicted error, in one dimension."""
     ratios = [cube["mean_error"][..., 1:] / cube["predicted_error"] for cube in chapter]
     return np.concatenate([ratio.values.ravel() for ratio in ratios])
 
 
 def tabulate_scatter(opened: Cubes) -> str:
-    """Tabulate how far the trials' errors of beam and plate lie from the law."""
+    """Tabulate the quantiles of the trials' errors over the predicted ones, for beam and plate."""
     rows = [
         (subject, np.nanquantile(error_over_law(of_subject(opened, subject)), [0.05, 0.5, 0.95]))
         for subject in ("beam", "plate")
@@ -201,7 +201,7 @@ def tabulate_scatter(opened: Cubes) -> str:
 
 
 def describe_body(body: str, opened: Cubes) -> str:
-    """Describe what each factor does to the error of a body, and how well that is known."""
+    """Describe the effect of each factor on a body's error, and the accuracy of the prediction."""
     chapter = of_subject(opened, body)
     by, single = error_shares(opened, body), np.quantile(error_over_law(chapter), [0.05, 0.95])
     off_percent = 100 * np.max(np.abs(law_over_rms(chapter) - 1))
@@ -209,7 +209,7 @@ def describe_body(body: str, opened: Cubes) -> str:
 
 
 def describe_laboratory(opened: Cubes) -> str:
-    """Describe the thesis's chain and the best one, with all cameras and pixels."""
+    """Describe the errors of the thesis's method and the best one, with all cameras and pixels."""
     cube = opened["experiment-resolution"]
     found = _check_claims(of_subject(opened, "experiment"))
     thesis, best = (
@@ -222,7 +222,7 @@ def describe_laboratory(opened: Cubes) -> str:
 
 
 def describe_sound(opened: Cubes) -> str:
-    """Describe shape against sound, and the effect of turning two cameras."""
+    """Describe the errors of shape and sound, and the effect of turning two cameras."""
     arrays, aperture = opened["sound-arrays"], opened["sound-aperture"]
     turned = aperture["turned_coherence"]
     return render(
@@ -237,7 +237,7 @@ def describe_sound(opened: Cubes) -> str:
 
 
 def describe_shapes(opened: Cubes) -> str:
-    """Describe how far the errors of the two shapes are from the rectangle's."""
+    """Describe the errors of the two other planar structures relative to the rectangle's."""
     whole = selection.trial_rms(opened["plate-arrays"]["mean_error"]).values
     rms = [selection.trial_rms(opened[name]["mean_error"]) for name in ("shape-l", "shape-holes")]
     ratios = np.ravel([np.median(own.values / whole, axis=0) for own in rms]).tolist()
@@ -245,7 +245,7 @@ def describe_shapes(opened: Cubes) -> str:
 
 
 def describe_planner(opened: Cubes) -> str:
-    """Describe what planning gains over the best of the thesis's layouts."""
+    """Describe the gain of planning over the best of the thesis's layouts."""
     cube = opened["planner"]
     gains = {}
     for body, question in figure_set.THESIS_QUESTIONS.items():
@@ -257,7 +257,7 @@ def describe_planner(opened: Cubes) -> str:
 
 
 def tabulate_advice(opened: Cubes) -> str:
-    """Tabulate the five pieces of advice: what they bring, and whether they hold."""
+    """Tabulate the effects and verdicts of the five pieces of advice."""
     rows = {
         factor.advice: {one.group: one for one in factors.estimate_effects(opened, factor)}
         for factor in factors.FACTORS.values()
@@ -268,7 +268,7 @@ def tabulate_advice(opened: Cubes) -> str:
 
 
 def list_findings(opened: Cubes) -> str:
-    """List the advice of the thesis with its verdicts, and what the book finds of it."""
+    """List the advice of the thesis with its verdicts, and the findings of the book."""
     entries = [entry for entry in ledger.from_cube(opened["claims"]) if entry.counted]
     ratios = law_over_rms([*of_subject(opened, "beam"), *of_subject(opened, "plate")])
     arrays, trends = opened["sound-arrays"], factors.sound_trends(opened)
@@ -307,7 +307,7 @@ def list_findings(opened: Cubes) -> str:
 
 
 def _trial_median(errors: xr.DataArray) -> float:
-    """Return the median over the random trials, and all else."""
+    """Return the median over the random trials and all other dimensions."""
     return float(errors.isel(trial=slice(1, None)).median())
 
 

@@ -1,6 +1,6 @@
 """Figures of chapters, one for each step of the argument, drawn from cubes or from facts.
 
-Figures that need neither stand in ``book/figures``.
+Figures that need neither are in ``book/figures``.
 """
 
 import json
@@ -24,11 +24,11 @@ from thesis_lib.figure_sets.parametric import compute, figure_set
 from thesis_lib.plotting import selection, style
 from thesis_lib.vibration import deflection_shape, structure as structures
 
-DRAWN_MODE = 3  # of the curves over what is varied
+DRAWN_MODE = 3  # of the curves over the varied parameter
 LAW_SETTINGS = 101
-# By study: the label of its axis; the ticks there, else what was computed; and the parameters
-# between whose values the law is drawn, at so many settings: with fewer its line would hide what it
-# does between the settings of the thesis. Between numbers of cameras there are none.
+# By study: axis label; ticks, if not the computed values; and the parameters over whose range the
+# law is drawn, at LAW_SETTINGS settings: with fewer its line would hide the variation between the
+# settings of the thesis. There are none between numbers of cameras.
 VARIED: dict[str, tuple[str, tuple[float, ...], tuple[str, ...]]] = {
     "distance": ("distance in mm", (), ("distances_mm",)),
     "aperture": ("aperture in °", (16, 60, 110, 160), ("half_apertures_deg", "elevations_deg")),
@@ -38,7 +38,7 @@ VARIED: dict[str, tuple[str, tuple[float, ...], tuple[str, ...]]] = {
 
 
 def draw_varied(of: str, cube: xr.Dataset) -> Figure:
-    """Draw the mean error over what is varied: rms and band of the trials, and the law."""
+    """Draw the mean error over the varied parameter: rms and band of the trials, and the law."""
     drawing, axes = style.subplots(figsize=(5.2, 3.2))  # to be read on a phone
     parts, (label, ticks, parameters) = selection.split_cases(cube, DRAWN_MODE), VARIED[of]
     fine = None
@@ -101,7 +101,7 @@ def draw_distances(cube: xr.Dataset) -> Figure:
 
 
 def draw_few_frames(cube: xr.Dataset) -> Figure:
-    """Draw the error over the frame rate of the ways to read too few frames, by mode."""
+    """Draw the error over the frame rate for each way to use too few frames, by mode."""
     modes = cube["mode"].values.tolist()
     drawing, panels = style.subplots(1, len(modes), figsize=(7.2, 2.8), sharey=True, squeeze=False)
     for axes, mode in zip(panels[0], modes, strict=True):
@@ -159,7 +159,7 @@ def draw_response() -> Figure:
 
 
 def draw_deflections() -> Figure:
-    """Draw how far 1 N moves beam and plate at their resonances, and what a pixel spans."""
+    """Draw the deflection of beam and plate by 1 N at resonance, and the width of a pixel."""
     drawing, axes = style.subplots(figsize=(6.4, 3.0))
     bodies: list[structures.Structure] = [setups.thesis_beam(), setups.thesis_plate()]
     for i, (word, body) in enumerate(zip(("beam", "plate"), bodies, strict=True)):
@@ -168,7 +168,7 @@ def draw_deflections() -> Figure:
         peak = [1000 * structures.peak_deflection(body, mode) for mode in modes]
         axes.plot(hertz, peak, "o-", color=style.cycle_color(i), label=f"{word}, force of 1 N")
     for n, width in enumerate((320, 1920)):
-        span = 500 * 36 / 24 / width  # mm, of the lens and sensor that the book takes
+        span = 500 * 36 / 24 / width  # mm, of the lens and sensor that the book uses
         axes.axhline(span, color=style.INK_COLOR, linewidth=1, linestyle=("--", ":")[n])
         words = f"a pixel of {width} across, 500 mm away"
         axes.text(1900, span * 1.15, words, color=style.INK_COLOR, fontsize=8, ha="right")
@@ -192,7 +192,7 @@ def draw_rates() -> Figure:
 
 
 def draw_beam_modes() -> Figure:
-    """Draw the three shapes of the beam that are measured, each marker a dot."""
+    """Draw the three measured mode shapes of the beam, each marker a dot."""
     beam = setups.thesis_beam()
     drawing, axes = style.subplots(figsize=(6.4, 2.4))
     for i, omega in enumerate(beam.angular_frequencies(3)):
@@ -206,7 +206,7 @@ def draw_beam_modes() -> Figure:
 
 
 def draw_plate_modes() -> Figure:
-    """Draw the three shapes of the plate that are measured, a cell for each marker."""
+    """Draw the three measured mode shapes of the plate, a cell for each marker."""
     plate = setups.thesis_plate()
     x, y = (np.unique(np.round(each, 9)) * 1000 for each in plate.markers)
     drawing, axes = style.subplots(1, 3, figsize=(7.2, 2.0), sharey=True)
@@ -220,7 +220,7 @@ def draw_plate_modes() -> Figure:
 
 
 def draw_alias() -> Figure:
-    """Draw a vibration, and what a camera with fewer frames than it needs makes of it."""
+    """Draw a vibration, and its alias in a camera whose frame rate is too low."""
     drawing, axes = style.subplots(figsize=(6.4, 2.2))
     hertz, rate = structures.resonance_frequency(setups.thesis_beam(), 2) / (2 * np.pi), 60.0
     t, seen = np.linspace(0, 0.2, 800), np.arange(0, 0.2, 1 / rate)
@@ -237,9 +237,9 @@ def draw_alias() -> Figure:
 
 
 def draw_cases() -> Figure:
-    """Draw every case of Tables 3.3 and 3.4 from above, each setting in a colour of its own.
+    """Draw every case of Tables 3.3 and 3.4 from above, each setting in its own colour.
 
-    In a growing set each camera stands where it comes in.
+    In a growing set each camera has the colour of the first setting that has it.
     """
     found: dict[str, list[setups.Setting]] = {}
     for one in map(figure_set.camera_study, figure_set.CAMERA_STUDIES):
@@ -256,7 +256,7 @@ def draw_cases() -> Figure:
             axes.add_patch(rim)
         ends = np.array([-500, 500]) * setups.thesis_beam().length / far
         axes.plot(ends, [0, 0], color=style.REFERENCE_COLOR, lw=3, solid_capstyle="butt")
-        first: dict[tuple[float, ...], int] = {}  # by camera, the setting in which it comes in
+        first: dict[tuple[float, ...], int] = {}  # by camera: the first setting that has it
         for i, setting in enumerate(settings):
             for direction in setting.directions_deg:
                 first.setdefault((*direction, setting.distance_mm), i)
@@ -271,7 +271,7 @@ def draw_cases() -> Figure:
 
 
 def _range_words(settings: list[setups.Setting]) -> str:
-    """Return the first and the last setting, the unit once."""
+    """Describe the first and the last setting, with the unit once."""
     widths = [setting.resolution_px[0] for setting in (settings[0], settings[-1])]
     if widths[0] != widths[1]:
         return f"{widths[0]} … {widths[1]} px across"
@@ -305,13 +305,13 @@ FIGURES: dict[str, tuple[str, Callable[..., Any]]] = {
     "motions-frames.svg": (FACTS, draw_alias),
     "setup-cases.svg": (FACTS, draw_cases),
 }
-"""By file: the figure set whose cube is drawn, or that it is of facts, and what draws it."""
+"""By file: the figure set whose cube is drawn, or ``FACTS``, and the drawing function."""
 
 
 def write_illustrations(
     made: Sequence[Path], folder: Path, names: Iterable[str] = tuple(FIGURES)
 ) -> None:
-    """Write the figures `names` of the cubes `made` into `folder`; one without its cube says so."""
+    """Write the figures `names` of the cubes `made`, or placeholders, into `folder`."""
     cubes = {path.stem: path for path in made}
     for name in names:
         of, draw = FIGURES[name]

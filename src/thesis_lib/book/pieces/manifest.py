@@ -1,6 +1,6 @@
-"""Own recordings: manifests, warnings, numbers that help to film, and the example's report.
+"""Own recordings: manifests, warnings, numbers for filming, and the example's report.
 
-The report is no page of Sphinx: it loads nothing, and is the file that a user would get.
+The report is not made by Sphinx: it is the self-contained file that a user would get.
 """
 
 import json
@@ -94,7 +94,7 @@ def _format_default(model: type[BaseModel], name: str) -> str:
 
 
 def _format_value(value: Any) -> str:
-    """Return a value as it stands in YAML."""
+    """Format a value as in YAML."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(_format_value, value))}]"
     number = isinstance(value, float)
@@ -106,7 +106,7 @@ EXAMPLE_PLATE: dict[str, Any] = FILMS["plate"]
 
 
 def state_rule() -> str:
-    """State how many pixels of motion are enough, by the errors of films."""
+    """State how many pixels of motion are enough, by the errors of videos."""
     motions_px = (2.0, 1.0, messages.CHECK_LIMITS["small-motion"], 0.1)
     whole = float(cone_law.cone_deflection_error(1, 1, EXAMPLE_PLATE["cameras"], np.pi / 2))
     errors_px = {
@@ -119,14 +119,14 @@ def state_rule() -> str:
 
 
 def answer_for_plate() -> str:
-    """Answer for the plate: what to type, what comes out, and whether it will do."""
+    """Show the check for the plate: the command, its output, and the verdict."""
     phones = {
         name: assess.assess_manifest(prediction.draft_manifest(EXAMPLE_PLATE | phone))
         for name, phone in FILMS["phones"].items()
     }
     full_hd = phones["full HD"]
     given = [f"-p {name}={shlex.quote(str(value))}" for name, value in EXAMPLE_PLATE.items()]
-    lines = [" ".join(given[i : i + 3]) for i in range(0, len(given), 3)]  # that a page can show
+    lines = [" ".join(given[i : i + 3]) for i in range(0, len(given), 3)]  # short enough for a page
     return render(
         __file__,
         "film-answer",
@@ -151,7 +151,7 @@ def _build_example() -> manifests.Manifest:
 
 
 def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> assess.Assessment:
-    """Assess the example's structure and camera, filmed from other places."""
+    """Assess the example's structure and camera, filmed from other positions."""
     example = _build_example()
     cameras = tuple(
         example.cameras[0].model_copy(
@@ -163,7 +163,7 @@ def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> assess
 
 
 def tabulate_layouts() -> str:
-    """Tabulate the effect of the sides from which cameras look, on rms standard errors."""
+    """Tabulate the effect of the cameras' azimuths on rms standard errors."""
     rigs = {name: assess_layout(at, 25.0).rig for name, at in FILMS["layouts_deg"].items()}
     rows = [(name, 1000 * rig.one_frame[0], 1000 * rig.fit[0]) for name, rig in rigs.items()]
     camera, fit_s = _build_example().cameras[0], rigs["two that face each other"].steady_interval_s
@@ -172,7 +172,7 @@ def tabulate_layouts() -> str:
 
 
 def tabulate_elevations() -> str:
-    """Tabulate the effect of the elevation."""
+    """Tabulate the effect of the cameras' elevation."""
     rows = []
     for degrees in (5, 15, 25, 35, 50, 70):
         phi, found = np.radians(degrees), assess_layout((0, 180), float(degrees))
@@ -182,12 +182,12 @@ def tabulate_elevations() -> str:
 
 
 def _amplitude_loss(turns: float) -> float | None:
-    """Return the share of an amplitude that a mean over so many turns loses; None of a whole."""
+    """Return the share of an amplitude lost by a mean over `turns` periods; None from one on."""
     return float(1 - np.sinc(turns)) if turns < 1 else None
 
 
 def tabulate_exposure() -> str:
-    """Tabulate what shutters take from the amplitude."""
+    """Tabulate the loss of amplitude by exposure time."""
     limit, frequencies_hz = messages.CHECK_LIMITS["long-exposure"], (5, 25, 100)
     rows = [
         (parts, [_amplitude_loss(hertz / parts) for hertz in frequencies_hz])
@@ -198,7 +198,7 @@ def tabulate_exposure() -> str:
 
 
 def tabulate_alias() -> str:
-    """Tabulate what a vibration above half of the frame rate needs."""
+    """Tabulate the requirements of a vibration above half of the frame rate."""
     frequency_hz, rate_hz, turns = 110.0, 60.0, messages.CHECK_LIMITS["alias"]
     return render(
         __file__,
@@ -214,7 +214,7 @@ def tabulate_alias() -> str:
 
 
 def tabulate_focus() -> str:
-    """Tabulate the depths that apertures keep sharp."""
+    """Tabulate the depth of field by f-number."""
     example = _build_example()
     camera, outlook = example.cameras[0], assess.assess_manifest(example).table
     focal_mm, distance_mm = camera.focal_length_mm or 0.0, camera.distance_mm or 0.0
@@ -236,7 +236,7 @@ def tabulate_focus() -> str:
 
 
 def show_check() -> str:
-    """Show what the command reports of the example."""
+    """Show the output of the command for the example."""
     lines = _describe_check(assess.assess_manifest(_build_example()))
     return render(__file__, "film-check", lines=lines)
 

@@ -1,12 +1,11 @@
-"""Cubes and figures that pages are made of, and what stands where one is missing.
+"""Cubes and figures that pages are made of, and placeholders for missing ones.
 
-A cube is opened when it is first asked for. The page of a figure set that did not run says so; the
-rest of the book is built.
+A cube is opened at its first use. The page of a figure set that did not run says so; the rest of
+the book is built.
 
-Figures of the executed notebooks stand in the chapters that argue with them, too: a page that
-includes ``executed/fig-NAME.md`` shows the figure of that name, with its caption and its words for
-those who cannot see it, and a link to where its numbers are. A chapter in the place of a notebook's
-page includes ``executed/provenance-SET.md``, too.
+Chapters can show figures of the executed notebooks: a page that includes ``executed/fig-NAME.md``
+shows the figure of that name, with its caption, its alternative text and a link to its numbers. A
+chapter that replaces a notebook's page also includes ``executed/provenance-SET.md``.
 """
 
 import json
@@ -26,7 +25,7 @@ _PLACEHOLDER_TEXT = "This figure is missing: its run failed."
 
 
 def write_texts(folder: Path, pieces: Mapping[str, Callable[[], str]], suffix: str = ".md") -> None:
-    """Write pieces of pages that are made of no cube into a folder, as ``NAME.md``."""
+    """Write pieces of pages that need no cube into a folder, as ``NAME.md``."""
     for name, piece in pieces.items():
         whole_text(folder / f"{name}{suffix}", piece())
 
@@ -34,9 +33,8 @@ def write_texts(folder: Path, pieces: Mapping[str, Callable[[], str]], suffix: s
 def build_failure_page(source: Path, name: str, reason: str) -> Any:
     """Return a notebook for the page of a figure set that failed, from the parameterised one.
 
-    The prose stands, and so does every figure's place with its name and caption, so that what
-    points at them leads somewhere. Of the reason it tells the first line, without the place of the
-    traceback.
+    It keeps the prose and, so that links lead somewhere, a placeholder for every figure with its
+    name and caption. It gives the reason without the path of the traceback.
     """
     import nbformat
 
@@ -61,7 +59,7 @@ def build_failure_page(source: Path, name: str, reason: str) -> Any:
 
 
 def write_placeholder(path: Path, task: str) -> None:
-    """Put words in the place of a piece of prose, or of a figure, that could not be made."""
+    """Write a placeholder for a text or a figure that could not be made."""
     if path.suffix == ".md":
         whole_text(path, f"*Missing here, since the step “{escape_markdown(task)}” failed.*\n")
     elif path.suffix == ".svg":
@@ -82,7 +80,7 @@ Cubes = Mapping[str, xr.Dataset]
 
 
 class MissingCubeError(KeyError):
-    """A cube that a piece asks for and that is not there; it holds the name of the figure set."""
+    """A piece needs a cube that does not exist; the argument is the name of the figure set."""
 
 
 def of_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
@@ -91,7 +89,7 @@ def of_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
 
 
 def read_once(path: Path) -> xr.Dataset:
-    """Read a cube once for all steps of a build, and again if it is another file by then."""
+    """Read a cube once for all steps of a build, and again if its file has changed."""
     return _read_cube(path, path.stat().st_mtime_ns).copy()
 
 
@@ -101,12 +99,12 @@ def _read_cube(path: Path, _changed: int) -> xr.Dataset:
 
 
 class Opened(dict[str, xr.Dataset]):
-    """Cubes by name, read when they are first asked for."""
+    """Cubes by name, read at their first use."""
 
     def __init__(self, made: Iterable[Path]) -> None:
         super().__init__()
         self._files = {path.stem: path for path in made}
-        self.derived: dict[Any, Any] = {}  #: What was computed of them, by what was asked
+        self.derived: dict[Any, Any] = {}  #: Cache of values computed from the cubes
 
     def __missing__(self, name: str) -> xr.Dataset:
         if name not in self._files:
@@ -120,12 +118,12 @@ SETS_IN_CHAPTERS = {
     "lab-radiation": "video-to-sound",
     "planner": "planner",
 }
-"""Figure sets that have no page of their own, and the chapter that shows all their figures."""
+"""Figure sets without a page of their own, and the chapters that show all their figures."""
 _DOWNLOADS_MARK = '<a class="tl-download"'
 
 
 def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> None:
-    """Write each wanted figure into `folder`: its SVG, and what a page includes."""
+    """Write each wanted figure into `folder`: its SVG, and the Markdown that a page includes."""
     found = {}
     for notebook in notebooks:
         for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
@@ -147,7 +145,7 @@ def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder
 
 
 def write_provenance(notebook: Path, folder: Path) -> None:
-    """Write what a chapter takes of a notebook without a page: its viewers, and the fold-out."""
+    """Write the viewers and the provenance of a notebook without a page, for its chapter."""
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     shown = [output.get("data", {}) for cell in cells for output in cell.get("outputs", [])]
     viewers = ["".join(one["text/html"]) for one in shown if "text/html" in one]

@@ -1,4 +1,4 @@
-"""Values of structures, of the law of rounding, of what radiates, and of a planned layout."""
+"""Values of structures, the law of rounding, sound radiation, and a planned layout."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,11 +26,11 @@ EXAMPLE_PLAN = request.PlanRequest(
     body="plate", plate_mm=(600, 400, 3), counts=[4], resolutions_px=[(1920, 1080)]
 )
 """The request that the planner's page makes, step by step."""
-SMALL_MM = 0.2  # the largest deflection of many a reader's structure
+SMALL_MM = 0.2  # the largest deflection of many real structures
 
 
 def show_plan(_: Cubes) -> str:
-    """Show a plan: the command, what it prints, where cameras stand; and a small motion."""
+    """Show a plan: command, output, camera positions; and its error for a small motion."""
     with TemporaryDirectory() as name:
         printed = report.write_plan(EXAMPLE_PLAN, Path(name) / "plan")
         cameras = pd.read_csv(Path(name) / "plan" / "plan.csv")
@@ -54,7 +54,7 @@ def show_plan(_: Cubes) -> str:
 
 
 def tabulate_modes(structure: structures.Structure, unit: str, scale: float) -> str:
-    """Tabulate what sections 3.1 and 4.1 assume of a structure, mode by mode."""
+    """Tabulate the model of a structure in sections 3.1 and 4.1, mode by mode."""
     rows = []
     for mode in EXAMPLE_MODES:
         hertz = structure.angular_frequencies(mode)[-1] / (2 * np.pi)
@@ -74,7 +74,7 @@ def describe_beam_cameras(_: Cubes) -> str:
 
 
 def tabulate_motion(_: Cubes) -> str:
-    """Tabulate how many pixels the largest deflection must move an image, by cameras and error."""
+    """Tabulate the image motion in px that is needed, by number of cameras and error."""
     of_one_px = [  # of a motion of 1 px
         (count, float(cone_law.cone_deflection_error(1, 1, count, np.pi / 2)))
         for count in (2, 3, 4, 8, 12)
@@ -99,7 +99,7 @@ def tabulate_marker_grids(_: Cubes) -> str:
 
 
 def tabulate_levels(_: Cubes) -> str:
-    """Tabulate levels of a force of 1 N, and what the 10 mm of the study would mean."""
+    """Tabulate sound levels of a force of 1 N, and level and acceleration at the study's 10 mm."""
     request, plate = camera_study("sound-distance"), setups.thesis_plate()
     parts = planes.plate_pistons(plate)
     rows = []
@@ -122,7 +122,7 @@ def tabulate_levels(_: Cubes) -> str:
 
 
 def tabulate_costs(_: Cubes) -> str:
-    """Tabulate what each figure set costs, as measured in the published run."""
+    """Tabulate time and memory of each figure set in the published run."""
     known = effort.read_efforts()
     costs = [(name, known[name]) for name in STUDIES if name in known]
     return render(__file__, "effort", costs=costs)
@@ -132,7 +132,7 @@ ROUNDING_SET = "beam-distance"
 
 
 def describe_example(opened: Cubes) -> str:
-    """Work the law out for the last marker, the first mode and setting of ``beam-distance``."""
+    """Evaluate the law for the last marker, the first mode and setting of ``beam-distance``."""
     cube, study = opened[ROUNDING_SET].isel(setting=0, mode=0, point=-1), camera_study(ROUNDING_SET)
     setting, structure = study.settings()[0], study.structure
     cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)

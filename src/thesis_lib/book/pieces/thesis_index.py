@@ -1,4 +1,4 @@
-"""Tables of what of the thesis is where, and the book's account of its gaps."""
+"""Index of the thesis's figures, tables and equations, and the assumptions in its gaps."""
 
 import re
 from collections.abc import Callable
@@ -38,7 +38,7 @@ def _link_document(page: str) -> str:
     return f"[{title}]({anchor if label else page.replace('#', '.md#')})"
 
 
-CHAPTER_SUBJECTS = {  # pieces of the page: subjects, in the order in which they claim a gap
+CHAPTER_SUBJECTS = {  # subjects by piece; a gap goes to the first match
     "assumptions-simulation": ("beam", "plate"),
     "assumptions-sound": ("sound",),
     "assumptions-experiment": ("experiment", "lab"),
@@ -46,7 +46,7 @@ CHAPTER_SUBJECTS = {  # pieces of the page: subjects, in the order in which they
 
 
 def format_assumptions(piece: str) -> str:
-    """List the gaps that belong to a piece: what is open, assumed, why, and what varies it."""
+    """List the gaps of a piece: question, assumption, reason, and the parameter to vary it."""
     items = [
         item
         for item in setups.list_assumptions()

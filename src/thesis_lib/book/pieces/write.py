@@ -1,4 +1,4 @@
-"""All pieces of pages that are made of cubes, and writing them."""
+"""List of all pieces of pages that are made from cubes, and their writer."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -12,9 +12,9 @@ from thesis_lib.figure_sets.parametric import figures as shape_figures, sound
 
 
 def write_pieces(made: Sequence[Path], folder: Path, names: Iterable[str] | None = None) -> None:
-    """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by their `names`.
+    """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by `names`.
 
-    In place of a piece that needs a figure set without a cube stands that this one did not run.
+    A piece whose figure set has no cube is replaced by a note that this set did not run.
     """
     opened = Opened(made)
     for name in PIECES if names is None else names:
@@ -26,7 +26,7 @@ def write_pieces(made: Sequence[Path], folder: Path, names: Iterable[str] | None
         files.whole_text(folder / f"{name}.md", text)
 
 
-FIRST_AND_LAST = ("projections", "focus", "stereo")  # a chapter shows these distances of them
+FIRST_AND_LAST = ("projections", "focus", "stereo")  # shown at the first and last distance
 CUBE_TEXTS: dict[str, tuple[str, ...]] = {
     "cameras": (
         "flow", "formats", "sensors", "lens", "pixels", "colours", "horizons", *FIRST_AND_LAST,
@@ -41,7 +41,7 @@ CUBE_TEXTS: dict[str, tuple[str, ...]] = {
     "lab-radiation": ("results", "sentences", "tap"),
     "sound-aperture": ("turn-summary",),
 }  # fmt: skip
-"""By figure set: the texts of its own that chapters show, as ``SET-TEXT.md``."""
+"""By figure set: those of its texts that chapters show, as ``SET-TEXT.md``."""
 
 
 def _fill_piece(figure_set: str, text: str, opened: Cubes) -> str:
@@ -50,9 +50,9 @@ def _fill_piece(figure_set: str, text: str, opened: Cubes) -> str:
 
 
 OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conclusions-wishes")
-"""Those that read the cube of the ledger, which comes after all others."""
+"""Pieces that read the cube of the ledger, which is computed after all others."""
 OF_NO_CUBE = ("planner-example", "shapes-convergence", "sound-markers", "beam-model", "plate-model")
-"""Those that take long and read no cube."""
+"""Pieces that take long and read no cube."""
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_figures.PIECES,

@@ -2,7 +2,7 @@
 import { MARGIN, axes, spread } from "./chart.js";
 import { ARROWS, entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
 
-export function createBars(panel, study, uid, highlight, remember) { // returns what draws them
+export function createBars(panel, study, uid, highlight, remember) { // returns the drawing function
   const hatched = (box) => svg("rect", { ...box, fill: `url(#${uid}-hatch)` });
 
   function draw() {
@@ -24,18 +24,18 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     const tile = { width: 6, height: 6, patternUnits: "userSpaceOnUse" };
     panel.canvas.append(svg("pattern", { id: `${uid}-hatch`, ...tile,
       patternTransform: "rotate(45)" }, path("tl-hatch", "M0 0V6")));
-    const gap = Math.max(10, Math.min(22, slotWidth * 0.18)); // between the two of a setting
+    const gap = Math.max(10, Math.min(22, slotWidth * 0.18)); // between the bars of a setting
     const wide = count > 1 ? Math.min(34, slotWidth / 2 - gap) : Math.min(44, slotWidth * 0.46);
     const stub = count > 1 ? gap / 2 + 4 : Math.min(14, slotWidth / 4);
     const middleOf = (i, n) => x(i + 0.5) + (n - (count - 1) / 2) * (wide + gap);
 
-    function column(setting, i, r, n) { // one bar with its band, median, prediction and statement
+    function column(setting, i, r, n) { // one bar with its band, median, prediction and claim
       const middle = middleOf(i, n), left = middle - wide / 2, was = r.published;
       if (!isNumber(r.mean) && r.name) return svg("g", { class: "tl-nodal" },
         svg("title", {}, `${r.name}: ${data.nodal_note}`),
         path("tl-band", `M${middle - 5} ${y(0) - 6}h10`));
       const box = { x: left, y: y(r.mean ?? 0), width: wide, height: y(0) - y(r.mean ?? 0) };
-      const at = left - 7, high = was && y(was.low) - y(was.high); // of an outline beside it
+      const at = left - 7, high = was && y(was.low) - y(was.high); // of an outline next to it
       const part = (values, cls, outline) =>
         values.every(isNumber) && path(cls, outline(...values.map(y)));
       return [
@@ -51,13 +51,13 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
           (low === up ? mark(3, left - 5, low, 4) : `M${left - 1} ${low}h-4V${up}h4`)),
       ];
     }
-    // Numbers stand right above their bars, the smaller the closer these are.
+    // Numbers are right above their bars, in smaller type the closer these are.
     const longest = Math.max(...errors.map((r) => show(r.mean).length));
     const near = count > 1 ? wide + gap : slotWidth, free = slotWidth - (count - 1) * near;
     const size = Math.min(12, Math.min(near, free) / (0.62 * longest));
     const number = (r, middle) => text(middle,
       y(Math.max(...[0, r.mean, r.high, r.stated?.[1]].filter(isNumber))) - 6, show(r.mean));
-    // Next to the buttons, not in them: the name of a button begins with its own text, the setting.
+    // Next to the buttons, not in them: a button's name begins with its own text, the setting.
     const values = settings.map((_, i) => svg("g", { class: `tl-value${size < 12 ? " tl-tight" : ""}`,
       style: `font-size: ${size}px`, "data-setting": i, "aria-hidden": "true" },
     every[i].map((r, n) => (isNumber(r.mean) || !r.name) && number(r, middleOf(i, n)))));

@@ -26,7 +26,7 @@ KINDS.beam = (study) => {
       drawCurves(b, "deflection (mm)", shapes, study.mode().reference_mm);
       drawCurves(c, "error (% of the largest deflection)", results.map((r) => r.point_error), []);
     },
-    highlight() { // to the front
+    highlight() { // brought to the front
       for (const { canvas } of [b, c]) canvas.append(...[...canvas.querySelectorAll(".tl-series")]
         .filter((series) => study.stateOf(Number(series.dataset.setting)) === "on"));
     },

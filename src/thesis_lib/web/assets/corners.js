@@ -1,11 +1,11 @@
-// First frames of cameras, in which the structure's corners are clicked; the manifest's lines come out.
+// First frames of cameras: clicking the structure's corners in them gives lines of the manifest.
 import { ARROWS, button, clamp, copyButton, fill, followDrag, html, path, placeIn, svg } from "./parts.js";
 
 const PLACES = ["(0, 0)", "(length, 0)", "(length, width)", "(0, width)"];
-const NEAR = 20; // px of the screen from which on a corner is taken hold of: a finger is no finer
+const NEAR = 20; // px of the screen within which a corner is grabbed: the precision of a finger
 const ZOOM = 8, LENS = 272; // magnification, and side of the magnified part, px
 
-// Whether four corners go around a convex quadrilateral, as the manifest wants them.
+// Whether four corners go around a convex quadrilateral, as the manifest requires.
 function isConvex(points) {
   const turns = points.map((p, k) => {
     const q = points[(k + 1) % 4], r = points[(k + 2) % 4];
@@ -71,11 +71,11 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     magnify();
     changed();
   }
-  function magnify() { // the surroundings of the place that is looked at
+  function magnify() { // the surroundings of the current place
     const side = LENS / ZOOM, corner = centre.map((value) => value - side / 2);
     fill(lens, { viewBox: [...corner, side, side].join(" ") });
   }
-  function put(k, [u, v], follow = true) { // never beyond the picture
+  function put(k, [u, v], follow = true) { // limited to the image
     own.points[k] = [clamp(u, [0, width]), clamp(v, [0, height])];
     chosen = k;
     if (follow) centre = own.points[k];
@@ -93,7 +93,7 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     event.preventDefault();
     const p = at(place), far = ([u, v]) => Math.hypot(u - p[0], v - p[1]);
     let k = own.points.length;
-    if (k < 4) put(k, p); // corners of a narrow structure are near each other: none is taken hold of yet
+    if (k < 4) put(k, p); // corners of a narrow structure are near each other: none is grabbed yet
     else k = own.points.reduce((best, point, i) => (far(point) < far(own.points[best]) ? i : best), 0);
     if (far(own.points[k]) > NEAR * scale()) return null;
     const off = own.points[k].map((value, i) => value - p[i]);

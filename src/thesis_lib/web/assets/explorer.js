@@ -9,14 +9,14 @@ import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
 import { formatCommand } from "./request.js";
 
-// --- its state: s structure, m mode, w [width, height] in px, f focal length, d distance and
+// --- state: s structure, m mode, w [width, height] in px, f focal length, d distance and
 // a amplitude in mm, r rest position, c directions of the cameras in degrees, t setup last chosen
 const TRIALS = 100;
 const NO_STATE = Object.fromEntries([..."smtwfdarc"].map((key) => [key, null]));
 const FIRST_SETUP = "4a-4";
 const sixteenToNine = (width) => [width, rint((width * 9) / 16)];
 
-// As in `thesis run`, the structure is in front of the cameras, each in a place of its own.
+// As in `thesis run`, the structure is in front of the cameras, and no two cameras coincide.
 const limits = ({ a }, { length, width }) => ({
   d: [Math.floor(500 * Math.hypot(length, width) + a) + 1, 10000],
   f: [1, 1000], a: [0.01, 100], w: [16, 8192],
@@ -26,15 +26,15 @@ const isLayout = (cameras) => cameras.length >= 2 && cameras.length <= MOST_CAME
     Math.abs(azimuth) <= 360 && elevation > 0 && elevation <= 90 &&
     cameras.slice(0, i).every((other) => apart(cameras[i], other) > 1e-5));
 
-function setupOf(state, { setups, reading }) { // the thesis's setup that a state is, if any
+function setupOf(state, { setups, reading }) { // the thesis's setup that equals a state, if any
   const known = Object.keys(reading).every((key) => state[key] === reading[key]);
   const same = setups.filter((one) => known &&
     ["d", "w", "c"].every((key) => `${one[key]}` === `${state[key]}`));
   return same.find(({ id }) => id === state.t) ?? same[0];
 }
 
-// --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, or ?s=beam&m=1&t=4a-6 for a setup of the
-// thesis; unknown and senseless values are ignored
+// --- as query: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, or ?s=beam&m=1&t=4a-6 for a setup of the
+// thesis; unknown and invalid values are ignored
 function fromAddress(query, structures) {
   const given = new URLSearchParams(query);
   const among = (key, choices) => choices[Math.max(0, choices.indexOf(given.get(key)))];
@@ -73,7 +73,7 @@ function toCommand({ s, w, f, d, a, r, c }, { reading }) {
   return formatCommand(`${s}-arrays`, Object.entries(values));
 }
 
-// What the cameras measure: the nominal run and the prediction, then one trial after the other.
+// Simulated measurement: the nominal run and the prediction, then one trial after the other.
 function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
   const focal = (f * w[0]) / sensorWidth;
   const setting = { distance: d, cameras: c, focal, size: w, known: r === "known" };
@@ -82,7 +82,7 @@ function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
   return { P, rest, ...one, groundSampleDistance: d / 1000 / focal, tryOne: draw };
 }
 
-// --- its elements
+// --- elements of the page
 const ERRORS = [["mean_error", "Mean error"], ["max_point_error", "Largest error"]];
 const HINT = "Drag a camera, or empty space sideways to turn; or press arrow keys, Delete.";
 const percent = (value) => (isNumber(value) ? `${show(value)}\u00a0%` : "–");
@@ -106,7 +106,7 @@ function render({ model, el }) {
   const linked = Object.keys(NO_STATE).some((key) => asked(key) !== null);
   const query = linked ? location.search : model.get("address");
   let setup, built = {}, frame = 0, timer = 0;
-  const app = { // what the view and the shapes need
+  const app = { // shared with the view and the shapes
     colormap, sensorWidth, update, remove, request, result: null,
     state: fromAddress(query, structures),
     get structure() { return structures[app.state.s]; },
@@ -157,7 +157,7 @@ function render({ model, el }) {
     const box = select(pairs, {}, write);
     return add(label, box, () => { box.value = read(); }, cls);
   }
-  // Taken as soon as it is within its bounds; when it is left, it is what holds.
+  // A value applies once it is within its bounds; on leaving the field, the applied one is shown.
   function numeric(what, read, range, write, attributes = {}) {
     const box = html("input", { type: "number", step: "any", required: "", ...attributes,
       oninput() { if (box.checkValidity()) write(Math.round(1000 * box.value) / 1000); },
@@ -196,7 +196,7 @@ function render({ model, el }) {
   choose("Rest position", [["rebuilt", "rebuilt too"], ["known", "known"]], () => app.state.r,
     (r) => update({ r }), "tl-ex-more");
 
-  // --- cameras by number
+  // --- list of cameras
   function buildList() {
     const { c } = app.state, here = list.contains(document.activeElement);
     const angles = [["Azimuth", [-360, 360]], ["Elevation", [0.5, 90]]];
@@ -215,7 +215,7 @@ function render({ model, el }) {
     if (here) list.lastChild.focus({ preventScroll: true });
     return () => boxes.flat().forEach(([, refresh]) => refresh());
   }
-  function addCamera() { // where there is most room
+  function addCamera() { // in the largest gap
     const places = [10, 30, 55, 80].flatMap((elevation) =>
       Array.from({ length: 24 }, (_, i) => [15 * i - 180, elevation]));
     const room = (one) => Math.min(...app.state.c.map((two) => apart(one, two)));
@@ -224,8 +224,8 @@ function render({ model, el }) {
   }
   function remove(i) { update({ c: app.state.c.filter((_, n) => n !== i) }); }
 
-  // --- showing it all
-  function buildStructure() { // what depends on beam or plate
+  // --- drawing
+  function buildStructure() { // the parts that depend on beam or plate
     const { setups, hertz } = app.structure;
     const cases = [...Map.groupBy(setups, (one) => one.case)];
     setupBox.replaceChildren(html("option", { value: "" }, "own layout"),
@@ -284,14 +284,14 @@ function render({ model, el }) {
   }
   function tick() {
     frame = 0;
-    const end = performance.now() + 9; // ms, so that dragging stays fluid
+    const end = performance.now() + 9; // ms, so that dragging stays responsive
     if (app.result) view.draw(); else refresh();
     while (app.result.means.length < TRIALS && performance.now() < end) app.result.tryOne();
     drawNumbers();
     if (app.result.means.length < TRIALS) request();
   }
   function request() { frame ||= requestAnimationFrame(tick); }
-  function update(changes) { // by the reader; the next frame shows it
+  function update(changes) { // by the user; the next frame shows it
     const next = { ...app.state, ...changes };
     if (!isLayout(next.c)) return refuse("No two cameras may stand in one place.");
     const [low, high] = limits(next, structures[next.s]).d, given = next.d;
@@ -301,7 +301,7 @@ function render({ model, el }) {
     request();
   }
   function refuse(words) { refusal.textContent = words; }
-  // The address follows when the reader pauses.
+  // The URL is updated when the user pauses.
   function settle() { keep(NO_STATE, location.hash, toAddress(app.state, app.structure)); }
 
   Object.assign(root, { explorer: { structures, app }, moving: { motion, image } }); // for tests

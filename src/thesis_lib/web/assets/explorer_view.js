@@ -1,5 +1,5 @@
 // Drawings of the explorer: the bent structure with cameras that can be dragged along their
-// hemisphere, and its shapes, curves along a beam or maps of a plate; `app` is of explorer.js.
+// hemisphere, and its shapes, curves along a beam or maps of a plate; `app` comes from explorer.js.
 import { axes } from "./chart.js";
 import { colourBar, colourOf } from "./maps.js";
 import { ARROWS, circle, clamp, fill, html, lines, mark, path, svg, text } from "./parts.js";
@@ -12,10 +12,10 @@ import {
 
 const STEP = 0.5; // degrees, of a dragged camera, and its least elevation
 const PERCENT = [10, 20, 50, 100, 200, 500, 1000, 1e4, 1e5];
-const above = (value, steps) => steps.find((step) => step >= value) ?? value; // seldom changes
+const above = (value, steps) => steps.find((step) => step >= value) ?? value; // changes seldom
 const SMALL = { left: 47, right: 8, top: 22, bottom: 20, title: 14 }; // margins of a chart
 
-// --- the view; world coordinates are in units of the cameras' distance and looked at from far away
+// --- the view; world coordinates are in units of the cameras' distance, in parallel projection
 export function createView(app) {
   const sight = { azimuth: 158, elevation: 33 };
   const scene = svg("g"), shape = path("tl-mesh"), cameras = svg("g");
@@ -23,7 +23,7 @@ export function createView(app) {
     "aria-label": "The cameras around the structure; arrow keys turn the view" },
   scene, shape, cameras);
   let curves = [], phase = 0;
-  let size = null; // px; asking for it in every frame would lay out the page in between
+  let size = null; // px; reading it in every frame would force a layout of the page
 
   function orbitCameras() {
     size ??= [node.clientWidth || 480, node.clientHeight || 360];
@@ -34,7 +34,7 @@ export function createView(app) {
     const { flat, line, unit } = space;
     const sides = [structure.length, structure.width], [long, wide] = times(sides, 1000 / state.d);
     const isBeam = structure.kind === "beam", [along, across] = isBeam ? [24, 1] : [12, 8];
-    const rise = 0.06 * long * unit * Math.cos(sight.elevation * RAD); // drawn larger than it is
+    const rise = 0.06 * long * unit * Math.cos(sight.elevation * RAD); // exaggerated
     const place = (s, t) => [...flat([(s - 0.5) * long, (t - 0.5) * wide, 0]),
       rise * modeShape(structure, state.m, s * sides[0], t * sides[1])];
     fill(node, { viewBox: `0 0 ${size.join(" ")}` });
@@ -46,7 +46,7 @@ export function createView(app) {
       ...trace((s) => trace((t) => place(s, t), across), along)];
     move(phase);
 
-    const spread = 2 * Math.min(1.2, sensorWidth / 2 / state.f); // as wide as what they see
+    const spread = 2 * Math.min(1.2, sensorWidth / 2 / state.f); // the width of their field of view
     [...cameras.children].forEach((group, i) => {
       const [azimuth, elevation] = state.c[i], tip = towards(state.c[i]);
       const [cx, cy] = flat(tip), [x, y] = flat(times(tip, 1.08));
@@ -62,7 +62,7 @@ export function createView(app) {
     phase = now;
     fill(shape, { d: bent(curves, Math.cos(phase)) });
   }
-  function build() { // a group for each camera, which keeps the focus while it moves
+  function build() { // a group per camera, which keeps the focus while it moves
     const focused = Number(document.activeElement?.dataset.camera);
     cameras.replaceChildren(...app.state.c.map((_, i) => svg("g", {
       class: "tl-camera", role: "slider", tabindex: 0, style: app.tint(i), "data-camera": i,
@@ -89,7 +89,7 @@ export function createView(app) {
   turnable(node, sight, 0, app.request, ([x, y], event) => {
     const isCamera = event.target.closest("[data-camera]"), { flat, viewer } = orbitCameras();
     const tips = app.state.c.map(towards), places = tips.map(flat);
-    const away = places.map(([u, v]) => Math.hypot(x - u, y - v)); // drawings may lie on each other
+    const away = places.map(([u, v]) => Math.hypot(x - u, y - v)); // drawings may overlap
     const camera = away.indexOf(Math.min(...away)), [tipX, tipY] = places[camera];
     event.preventDefault();
     (isCamera ? cameras.children[camera] : node).focus({ preventScroll: true });
@@ -147,7 +147,7 @@ export function createShapes(app) {
   function maps() {
     const [nx, ny] = app.structure.grid;
     const shown = ["reference", "measured", "marker errors"].map((name, n) => {
-      const cells = Array.from({ length: nx * ny }, (_, i) => // a little wider: no gaps show
+      const cells = Array.from({ length: nx * ny }, (_, i) => // a little wider, to avoid gaps
         svg("rect", { x: i % nx, y: ny - 1 - Math.floor(i / nx), width: 1.03, height: 1.03 }));
       const canvas = drawing(`Map: ${name}`,
         { viewBox: `0 0 ${nx} ${ny}`, preserveAspectRatio: "none" });

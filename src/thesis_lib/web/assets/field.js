@@ -1,4 +1,4 @@
-// Sound fields on planes at any instant of the period: complex pressures at points, u-major.
+// Sound fields on planes at any instant of the period, from complex pressures at points, u-major.
 import { channelsOf, createMap } from "./maps.js";
 import { createMotion } from "./motion.js";
 import { clamp, html, path } from "./parts.js";
@@ -9,7 +9,7 @@ export function decode({ scale, re, im }) {
 }
 export const amplitude = (field) => (field ? field.scale * field.re.reduce(
   (most, re, n) => Math.max(most, Math.hypot(re, field.im[n])), 0) : 0);
-// Plays the fields of a list, which may change, but only when it is asked to.
+// Plays the fields of a list, which may change, but only on request.
 export const playFields = (shown, colormap) => {
   const colours = Uint32Array.from(colormap.map(channelsOf),
     ([red, green, blue]) => (255 << 24) | (blue << 16) | (green << 8) | red);
@@ -17,8 +17,8 @@ export const playFields = (shown, colormap) => {
     shown.forEach((one) => one.paint(colours, Math.cos(phase), Math.sin(phase)))], false);
 };
 
-// A plane with axes in mm over a structure from −half to half, with its field, or the words of why
-// there is none. Returns the element and what paints an instant on a scale that ends at `most`.
+// A plane with axes in mm over a structure from −half to half, with its field, or the reason of its
+// absence. Returns the element and a function that paints an instant on a scale up to `most`.
 export function createPressure(width, plane, half, field, most, heading, names, words) {
   const { u_mm: [u0, u1], z_mm: [z0, z1], shape: [nu, nz], name } = plane;
   const du = (u1 - u0) / (nu - 1) / 2, dz = (z1 - z0) / (nz - 1) / 2; // a pixel around each point

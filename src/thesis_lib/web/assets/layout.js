@@ -1,18 +1,18 @@
-// Planned cameras around a structure, to be turned. Front end of thesis_lib.planning.report.
+// Planned cameras around a structure, in a rotatable view. Front end of thesis_lib.planning.report.
 import {
   asked, field, figure, fill, followWidth, heightOf, html, keep, options, path, resize,
   select, svg, text, xy,
 } from "./parts.js";
 import { RAD, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable } from "./space.js";
 
-const COLUMNS = [ // of the table, with what stands in them
+const COLUMNS = [ // of the table, with the text of their cells
   ["azimuth", (row) => `${Number(row.azimuth_deg)}°`],
   ["elevation", (row) => `${Number(row.elevation_deg)}°`],
   ["distance", (row) => `${Number(row.distance_mm)} mm`],
   ["focal length", (row) => `${row.focal_length_mm} mm`],
   ["pixels", (row) => `${row.width_px} × ${row.height_px}`],
 ];
-function rowsOf(csv) { // with a header, as objects
+function rowsOf(csv) { // rows as objects, by the header
   const [header, ...rows] = csv.trim().split("\n").map((line) => line.split(","));
   return rows.map((row) => Object.fromEntries(row.map((value, i) => [header[i], value])));
 }
@@ -20,7 +20,7 @@ function rowsOf(csv) { // with a header, as objects
 function render({ model, el }) {
   const { plans, tints } = model.get("data"), view = { azimuth: 155, elevation: 28 };
   const camerasOf = new Map(plans.flatMap((one) => one.options)
-    .map((one) => [one, rowsOf(one.table)])); // read once, not at each turn
+    .map((one) => [one, rowsOf(one.table)])); // parsed once, not at each rotation
   const panel = figure("a", svg("svg"), "");
   const words = html("p", { class: "tl-summary", "aria-live": "polite" });
   const table = html("table", { class: "tl-cameras" });
@@ -59,7 +59,7 @@ function render({ model, el }) {
     draw();
   }
 
-  function draw() { // the scale is that of the whole plan, so that its options compare
+  function draw() { // one scale for the whole plan, so that its options are comparable
     const width = panel.node.clientWidth || 480, { centre, outline, markers } = plan;
     const height = heightOf(width) * (width < 420 ? 0.85 : 1.1);
     const away = (place) => plus(place, times(centre, -1));
@@ -69,7 +69,7 @@ function render({ model, el }) {
     const heights = [0, ...all.map((v) => v[2])], low = Math.min(...heights);
     const high = Math.max(...heights), radius = Math.max(...all.map(([x, y]) => Math.hypot(x, y)));
     const sine = Math.abs(Math.sin(view.elevation * RAD)), cosine = Math.cos(view.elevation * RAD);
-    const tall = 2 * radius * sine + (high - low) * cosine; // of the upright cylinder around all
+    const tall = 2 * radius * sine + (high - low) * cosine; // of the vertical cylinder around all
     const unit = Math.min((width - 70) / (2 * radius), (height - 60) / tall);
     const middle = height / 2 + (unit * cosine * (high + low)) / 2;
     const space = orbit(view, unit, [width / 2, middle]), { viewer, flat, line } = space;

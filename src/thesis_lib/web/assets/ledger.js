@@ -2,11 +2,11 @@
 // Front end of thesis_lib.figure_sets.claims.figures.LedgerTable.
 import { asked, button, copyButton, fill, html, keep, options } from "./parts.js";
 
-// The order is that of sorting and of the count.
+// In the order of sorting and counting.
 const VERDICTS = ["agrees", "within scatter", "differs", "no material change", "undefined"];
-const WORDS = { agrees: "agree", differs: "differ" }; // of several claims
+const WORDS = { agrees: "agree", differs: "differ" }; // plural
 
-// Control, label, and the values of a row, any of which may be chosen.
+// Control, label, and the values of a row to choose from.
 const FILTERS = [
   ["chapter", "Chapter", (row) => [row.chapter]],
   ["case", "Case", (row) => row.case.split(/,\s*/)],
@@ -19,22 +19,22 @@ const COLUMNS = [["place", "Place"], ["case", "Case"], ["mode", "Mode"], ["what"
   ["more", "More"]];
 const { compare } = new Intl.Collator("en", { numeric: true }); // figure 3.4 before figure 3.10
 const rank = (verdict) => VERDICTS.indexOf(verdict);
-const SORTS = { // words, and how two rows compare; what has no ratio comes last
+const SORTS = { // label and comparison of two rows; rows without a ratio come last
   "": ["as listed", () => 0],
   place: ["place", (a, b) => a.chapter - b.chapter || compare(a.place, b.place)],
   verdict: ["verdict", (a, b) => rank(a.verdict) - rank(b.verdict)],
   ratio: ["ratio ↑", (a, b) => (a.ratio ?? Infinity) - (b.ratio ?? Infinity) || 0],
   "-ratio": ["ratio ↓", (a, b) => (b.ratio ?? -1) - (a.ratio ?? -1)],
 };
-const plain = (words) => words.replace(/\s+/g, " ").trim().toLowerCase(); // also of no-break spaces
+const plain = (words) => words.replace(/\s+/g, " ").trim().toLowerCase(); // also no-break spaces
 
 function link(words, href) {
   const node = html("a", { href }, words);
   return href && node.protocol !== "javascript:" ? node : words;
 }
 
-// --- one claim: a body with a row, and a second row once it is opened. The roles are written out,
-// for the style makes grids of the rows, which some browsers then no longer report as a table.
+// --- one claim: a body with a row, and a second row once it is opened. The roles are explicit, since
+// the style turns rows into grids, which some browsers then no longer report as a table.
 function secondLine(row) {
   const code = html("code", {}, row.command ?? ""), more = link("More on this", row.note_href);
   const copy = copyButton("Copy", null, () => row.command, code);
@@ -47,7 +47,7 @@ function secondLine(row) {
 function claimOf(row) {
   const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
   const word = row.note_href ? "why" : row.note ? "note" : "more";
-  const name = `${word} about ${row.place}: ${row.what}`; // the word too, for those who speak it
+  const name = `${word} about ${row.place}: ${row.what}`; // with the visible word, for speech input
   const toggle = button(word, { "aria-expanded": false, "aria-label": name }, () => {
     const open = toggle.ariaExpanded === "true";
     const second = body.rows[1] ?? body.appendChild(secondLine(row));
@@ -67,7 +67,7 @@ function claimOf(row) {
 }
 
 function render({ model, el }) {
-  const onPage = Boolean(model.get("page")); // a page by static_html: its address keeps the filters
+  const onPage = Boolean(model.get("page")); // a page by static_html: its URL keeps the filters
   const root = html("section", { class: "tl-ledger", "aria-label": "Claims of the thesis" });
   const count = html("p", { class: "tl-ledger-count", "aria-live": "polite" });
   const form = html("form", { class: "tl-ledger-controls", "aria-label": "Filters",
@@ -75,7 +75,7 @@ function render({ model, el }) {
   const chosen = () => Object.fromEntries(new FormData(form)); // filters, search and order
   let claims = [], table = null, order = "";
 
-  // --- what is shown
+  // --- shown claims
   function apply() {
     const { search, sort, ...filters } = chosen(), wanted = plain(search);
     const choices = Object.values(filters), shown = claims.filter(({ text, values }) =>
@@ -95,8 +95,8 @@ function render({ model, el }) {
       (others ? `; ${others} not counted†` : "");
   }
 
-  // --- the address: ?chapter=3&verdict=differs for the filters, #claim-… for one claim
-  function readAddress() { // what is unknown is ignored
+  // --- the URL: ?chapter=3&verdict=differs for the filters, #claim-… for one claim
+  function readAddress() { // unknown values are ignored
     for (const name of Object.keys(chosen())) {
       const box = form.elements[name], value = asked(name) ?? "";
       const isKnown = !box.options || [...box.options].some((one) => one.value === value);
@@ -108,7 +108,7 @@ function render({ model, el }) {
     if (onPage) keep(Object.fromEntries(Object.entries(chosen())
       .map(([name, value]) => [name, value || null])), isHidden ? "" : location.hash);
   }
-  function follow() { // a link to a claim, which is shown whatever the filters
+  function follow() { // a link to a claim, which is shown despite the filters
     const claim = claims.find(({ body }) => `#${body.id}` === location.hash);
     for (const one of claims) one.body.ariaCurrent = one === claim ? "true" : null;
     if (!claim) return;
@@ -116,7 +116,7 @@ function render({ model, el }) {
     if (claim.body.hidden) reset();
     const show = () => claim.body.scrollIntoView({ block: "center" });
     show();
-    requestAnimationFrame(() => requestAnimationFrame(show)); // the rows have their true heights
+    requestAnimationFrame(() => requestAnimationFrame(show)); // rows then have their final heights
   }
 
   // --- building, once per data
@@ -154,7 +154,7 @@ function render({ model, el }) {
   }
 
   build();
-  el.replaceChildren(root); // at once, complete: the table is laid out only here
+  el.replaceChildren(root); // only now, when complete, is the table laid out
   if (onPage) {
     follow();
     addEventListener("hashchange", follow);

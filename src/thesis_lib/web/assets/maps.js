@@ -1,7 +1,7 @@
 // Maps of signed values: one diverging scale centred on zero, axes in mm, a colour bar.
 import { clamp, fixed, html, path, svg, text, ticks, ticksBelow } from "./parts.js";
 
-// Of a list of hexadecimal colours whose middle one is zero, that of a value; `most` is the last.
+// Colour of a value from a list of hexadecimal colours, the middle one for 0, the last for `most`.
 export function colourOf(colormap, value, most) {
   const middle = colormap.length >> 1;
   return colormap[middle + clamp(Math.round((value / (most || 1)) * middle), [-middle, middle])];
@@ -9,7 +9,7 @@ export function colourOf(colormap, value, most) {
 export const channelsOf = (colour) => // red, green and blue up to 255
   [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
 
-// How to write values up to `most`: very small and very large ones in powers of ten of their unit.
+// Number format for values up to `most`: very small and large ones in powers of ten of their unit.
 export function scaleOf(most, unit) {
   const power = most > 0 ? Math.floor(Math.log10(most)) : 0, far = power < -2 || power > 3;
   const exponent = far ? 3 * Math.floor(power / 3) : 0;
@@ -20,7 +20,7 @@ export function scaleOf(most, unit) {
 export const written = (value, { factor, unit, digits }) =>
   `${fixed(value / factor, digits)}\u00a0${unit}`;
 
-// Axes to scale around a rectangle in mm. Returns the drawing, its scales, and how many px a mm has.
+// Axes to scale around a rectangle in mm. Returns the drawing, its scales, and the px per mm.
 export function createMap(width, [left, right], [low, high], xTitle, yTitle) {
   const margin = { left: 36, right: 10, top: 20, bottom: 36 };
   const unit = (width - margin.left - margin.right) / (right - left);
@@ -45,6 +45,6 @@ export function colourBar(colors, most, unit, words = "", least = -most) {
     html("i", { style: `background: linear-gradient(90deg, ${colors})` }), end(most));
 }
 
-// Three maps in a row, or on a phone as many as `narrow` says; px.
+// Width in px of one of three maps in a row, or of `narrow` maps on a phone.
 export const mapWidth = ({ wide, full }, narrow) =>
   Math.floor(wide ? (full - 2 * 28) / 3 : (full - (narrow - 1) * 12) / narrow);

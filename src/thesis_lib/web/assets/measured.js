@@ -1,5 +1,5 @@
-// A measured shape that moves in space, in colours by deflection, with the uncertainty of each
-// marker as a whisker. Front end of thesis_lib.measure.report.build.
+// Animated 3-D view of a measured shape, coloured by deflection, with the uncertainty of each marker
+// as a whisker. Front end of thesis_lib.measure.report.build.
 import { colourBar, colourOf } from "./maps.js";
 import { createMotion } from "./motion.js";
 import {
@@ -7,8 +7,8 @@ import {
 } from "./parts.js";
 import { RAD, dot, drawAxes, orbit, turnable } from "./space.js";
 
-const RISE = 0.14; // of the extent, as which the largest deflection is drawn
-const STRONGEST = 3; // and what that may be multiplied by
+const RISE = 0.14; // drawn largest deflection, relative to the extent
+const STRONGEST = 3; // largest factor on it
 
 function render({ model, el }) {
   const { points, real, imag, error, faces, edges, frequency, colormap, outline } = model.get("data");
@@ -26,14 +26,14 @@ function render({ model, el }) {
     html("div", { class: "tl-controls" }, field("Drawn larger", strength)), panel.node,
     colourBar(colormap, most, "mm", "deflection"), motion.node);
   const scene = svg("g"), shape = svg("g", { class: "tl-measured-shape" });
-  let at = null, phase = 0; // the place of a marker on the screen, set when drawn
+  let at = null, phase = 0; // screen position of a marker, set by draw()
   const polygons = faces.map(() => path("tl-face", "")), bars = edges.map(() => path("tl-mesh", ""));
   const errors = points.map(() => path("tl-whisker", ""));
   const dots = points.map(() => circle("tl-dot", 0, 0, 3.2));
   const mean = (list, of) => list.reduce((sum, i) => sum + of(i), 0) / list.length;
   const tint = (w) => colourOf(colormap, w, most);
 
-  function draw() { // what only turning and the width change
+  function draw() { // parts that depend only on rotation and width
     const width = panel.node.clientWidth || 480;
     const height = Math.max(220, Math.round(width * 0.5) - 40);
     const tall = 2 * extent * Math.abs(Math.sin(view.elevation * RAD)) + 2 * RISE * extent;

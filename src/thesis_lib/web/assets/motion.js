@@ -1,11 +1,11 @@
-// A slowed period that plays, pauses and is set by hand, and what one camera sees of it.
+// A slowed period of vibration that plays, pauses and is set by hand, and its image in one camera.
 import { button, fill, html, icon, options, path, select, show } from "./parts.js";
 import { inView, pixelate, project } from "./pinhole.js";
 
-const PERIOD = 2400; // ms of a period on the screen
+const PERIOD = 2400; // ms, of a period on the screen
 
-// Calls the functions `draws` with the phase in rad, in each frame while it plays and is in sight.
-// It plays by itself if `unasked` and motion is not to be reduced; in print the phase is 0.
+// Calls the functions `draws` with the phase in rad, in each frame while it plays and is visible.
+// It starts by itself if `unasked`, unless reduced motion is preferred; in print the phase is 0.
 export function createMotion(draws, unasked = true) {
   const [still, print] = ["(prefers-reduced-motion: reduce)", "print"].map((one) => matchMedia(one));
   const player = button("", { class: "tl-play", "data-testid": "play" }, () => play(!wanted));
@@ -25,7 +25,7 @@ export function createMotion(draws, unasked = true) {
     slider.setAttribute("aria-valuetext", degrees.textContent);
     redraw();
   }
-  function step(now, before) { // while it is wanted and can be seen
+  function step(now, before) { // while it is wanted and visible
     const on = wanted && node.isConnected && visible.size > 0 && !print.matches;
     if (on) put((phase + ((now - before) / PERIOD) * 360) % 360);
     frame = on ? requestAnimationFrame((next) => step(next, now)) : 0;
@@ -47,7 +47,7 @@ export function createMotion(draws, unasked = true) {
   play(unasked && !still.matches);
   return {
     node, put, redraw,
-    watch: (...nodes) => [node, ...nodes].forEach((one) => observer.observe(one)), // while in sight
+    watch: (...nodes) => [node, ...nodes].forEach((one) => observer.observe(one)), // while visible
     at(hertz) { slowed.textContent = hertz ? `slowed ${show((hertz * PERIOD) / 1000)} times` : ""; },
     stop() {
       play(false);
@@ -97,11 +97,11 @@ export function createImage() {
       "from rest (grey) and are read in whole pixels." +
       (outside ? ` ${outside} of ${count} markers are out of view.` : "");
     fill(canvas, { "aria-label": `Image of camera ${Number(box.value) + 1}: ${words.textContent}` });
-    label.dataset.chosen = box.selectedOptions[0].text; // in print
+    label.dataset.chosen = box.selectedOptions[0].text; // for print
   }
   return {
     node, pixels: () => Array.from(seen),
-    // Projection matrices, size in px, points at rest and deflected, offset in px, whose they are.
+    // Projection matrices, size in px, points at rest and deflected, offset in px, cameras' owner.
     load(cameras, sensor, markers, deflected, offset = 0, whose = "") {
       [P, size, rest, moved, shifts] = [cameras, sensor, markers, deflected, [offset, offset]];
       name = whose && `${whose}: `;

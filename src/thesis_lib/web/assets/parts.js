@@ -1,12 +1,12 @@
-// Shared parts: elements, numbers, marks, figures, pointer and width, address, buttons that copy.
+// Shared parts: elements, numbers, marks, figures, pointer and width, URL, copy buttons.
 
-// Each kind of structure registers its own panels here, by the name in `structure.kind`: a function
-// of (study) that returns {figures, draw()} and if needed highlight() and stop().
+// Each kind of structure registers its panels here, by the name in `structure.kind`: a function of
+// (study) that returns {figures, draw()} and, if needed, highlight() and stop().
 export const KINDS = {};
 
 // --- elements
 // Attributes, handlers and text, never markup: strings of the data cannot become elements. Lists
-// of children are appended as well; null, false and empty ones are left out.
+// of children are also appended; null, false and empty ones are omitted.
 export function fill(node, attributes, ...children) {
   for (const [name, value] of Object.entries(attributes)) {
     if (typeof value === "function") node.addEventListener(name.slice(2), value);
@@ -32,14 +32,14 @@ export const icon = (width, ...parts) =>
 export const button = (words, attributes, onclick) =>
   html("button", { type: "button", ...attributes, onclick }, words);
 export const options = (pairs) => pairs.map(([value, words]) => html("option", { value }, words));
-// Of pairs of a value and its words.
+// `pairs` are of a value and its label.
 export function select(pairs, attributes, onChange, value = null) {
   const onchange = ({ target }) => onChange(target.value);
   const node = html("select", { ...attributes, onchange }, options(pairs));
   if (value !== null) node.value = value;
   return node;
 }
-export function radios(legend, name, choices, onChange) { // a value, its words, and a smaller note
+export function radios(legend, name, choices, onChange) { // a value, its label, and a smaller note
   const group = html("div", { class: "tl-modes" }, ...choices.map(([value, words, note = ""]) => {
     const names = { name, value, "data-testid": `${legend.toLowerCase()}-${value}` };
     const input = html("input", { type: "radio", ...names, onchange: () => onChange(value) });
@@ -51,20 +51,20 @@ export const field = (label, node, attributes = {}) =>
   html("label", { class: "tl-field", ...attributes }, html("span", {}, label), node);
 
 // --- numbers
-export const isNumber = Number.isFinite; // of a number, for other types are none
+export const isNumber = Number.isFinite; // false for other types
 export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−");
 const digitsOf = (value) =>
   3 - [99.5, 0.995, 0.095].filter((least) => Math.abs(value || 0.1) >= least).length;
 export const show = (value) => (isNumber(value) ? fixed(value, digitsOf(value)) : "–");
-export const percentInView = (share) => // never 100 while one is not
+export const percentInView = (share) => // 100 only if all are
   (share >= 1 ? "100" : fixed(Math.floor(1000 * share) / 10, 1));
 export function range(low, high) {
   if (!isNumber(high)) return `at least ${show(low)} %`;
   if (!isNumber(low)) return `up to ${show(high)} %`;
   return `${low === high ? "" : `${fixed(low, digitsOf(high))}–`}${show(high)} %`;
 }
-export function ticks(low, high, count) { // pairs of a value and its text
+export function ticks(low, high, count) { // pairs of value and text
   const rough = (high - low || 1) / count, power = 10 ** Math.floor(Math.log10(rough));
   const step = power * [1, 2, 5, 10].find((factor) => factor * power > rough * 0.999);
   const first = Math.ceil(low / step - 1e-9), last = Math.floor(high / step + 1e-9);
@@ -77,7 +77,7 @@ export function ticks(low, high, count) { // pairs of a value and its text
 export const ticksBelow = (pairs, x, bottom) => pairs.flatMap(([value, words]) => [
   path("tl-axis", `M${x(value)} ${bottom}v4`), text(x(value), bottom + 17, words)]);
 
-// --- marks of the settings differ also in shape (null: a circle), not in colour alone
+// --- marks of the settings differ in shape (null: a circle), too, not only in colour
 const SHAPES = [null, [[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]],
   [[0, -1.2], [1.1, 0.8], [-1.1, 0.8]], [[0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]],
   [[0, 1.2], [1.1, -0.8], [-1.1, -0.8]], [[-1.4, -0.5], [1.4, -0.5], [1.4, 0.5], [-1.4, 0.5]]];
@@ -88,7 +88,7 @@ export function mark(index, x, y, r) {
 }
 export const swatch = (i) => icon(14, path("tl-mark", mark(i, 7, 7, 4)));
 
-// --- figures: a caption, what is drawn, and a line below it
+// --- figures: a caption, the drawing, and a line below it
 export function figure(letter, canvas, letters = letter) {
   const caption = html("span"), foot = html("div", { class: "tl-foot" });
   fill(canvas, { "data-testid": `panel-${letter}` });
@@ -107,14 +107,14 @@ export const resize = ({ canvas }, width, height) =>
   fill(canvas, { viewBox: `0 0 ${width} ${height}`, height });
 
 // --- pointer and width
-export const ARROWS = { // to the right and up
+export const ARROWS = { // steps to the right and up
   ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1],
 };
 
-// Of a pointer, px from the corner of a box.
+// Position of a pointer, in px from the corner of a box.
 export const placeIn = ({ left, top }, { clientX, clientY }) => [clientX - left, clientY - top];
-// When a pointer is pressed on a node, `take(place, event)` may return a function of the places of
-// its moves; `end` is called when it is let go. Places are in the box that the node had at first.
+// When a pointer is pressed on a node, `take(place, event)` may return a function of the positions
+// of its moves; `end` is called on release. Positions are in the node's box at the press.
 export function followDrag(node, take, end = () => {}) {
   let move = null, box;
   node.classList.add("tl-drag");
@@ -133,7 +133,7 @@ export function followDrag(node, take, end = () => {}) {
   });
 }
 
-// Calls draw() when the width of a node changes; returns a function that ends that.
+// Calls draw() when the width of a node changes; returns a function that stops this.
 export function followWidth(node, draw) {
   let width = node.clientWidth;
   const observer = new ResizeObserver(() => requestAnimationFrame(() => {
@@ -145,9 +145,9 @@ export function followWidth(node, draw) {
   return () => observer.disconnect();
 }
 
-// --- the address of a page: what is shown stands behind its "?", beside what others keep there
+// --- the URL of a page: its query holds the state, next to that of other parts
 export const asked = (name) => new URLSearchParams(location.search).get(name);
-// Writes values by name into it, in place of those that it had; what is null is left out.
+// Writes values by name into it, in place of former ones; null ones are omitted.
 export function keep(values, hash = location.hash, address = null) {
   const others = new URLSearchParams(location.search);
   Object.keys(values).forEach((name) => others.delete(name));
@@ -158,7 +158,7 @@ export function keep(values, hash = location.hash, address = null) {
   } catch { /* some browsers refuse in a local file */ }
 }
 
-// --- buttons that copy a command
+// --- copy buttons
 // Without a clipboard, or permission, the text is shown in `node` and selected.
 export function copyButton(words, label, textOf, node) {
   const names = { class: "tl-copy", "aria-label": label, "aria-live": "polite" };

@@ -1,6 +1,6 @@
-// Bending beams and plates, and their measurement by cameras: physics written a second time, so
-// that a page without a kernel can compute. Names are those of `vibration` and `vision`, with which
-// tests/book/test_recompute.py compares; units and orders are those of pinhole.js.
+// Bending beams and plates, and their measurement by cameras: a second implementation, so that a
+// page can compute without a kernel. Names are those of `vibration` and `vision`, with which
+// tests/book/test_recompute.py compares; units and array orders are those of pinhole.js.
 import { hemisphereCameras, inView, pixelate, project, radians, rint } from "./pinhole.js";
 
 // --- vibration: structure.py
@@ -15,7 +15,7 @@ export function markers({ kind, length, width, row, grid }) {
     every.map((i) => (Math.floor(i / nx) + 0.5) * width / ny)];
 }
 
-// Mode shape at one point, 2 at its largest (eq. 3.4 with its sign put right, eq. 4.4).
+// Mode shape at one point, 2 at its largest (eq. 3.4 with its sign corrected, eq. 4.4).
 export function modeShape({ kind, length, width, roots, indices }, mode, x, y) {
   const { PI, cos, exp, sin } = Math;
   if (kind === "plate") {
@@ -30,7 +30,7 @@ export function modeShape({ kind, length, width, roots, indices }, mode, x, y) {
     - cos(beta * s) + sigma * sin(beta * s);
 }
 
-// Largest deflection of every marker in one mode, which is `peak` at its largest on the structure.
+// Largest deflection of every marker in one mode, whose maximum on the structure is `peak`.
 export function deflectionShape(structure, mode, peak) {
   const [x, y] = markers(structure);
   return x.map((_, i) => modeShape(structure, mode, x[i], y[i]) * (peak / 2));
@@ -54,8 +54,8 @@ function solveSymmetric(xx, xy, xz, yy, yz, zz, x, y, z, into) {
   into[2] = z1;
 }
 
-// Points that fit their images best: a linear start, then Gauss–Newton steps on the reprojection
-// error (eq. 3.19). From points that are given the second step changes less than 1e-5 px.
+// Least-squares points from images: a linear start, then Gauss–Newton steps on the reprojection
+// error (eq. 3.19). From given start points the second step changes less than 1e-5 px.
 export function triangulate(P, uv, given = null) {
   const n = P.length / 12, count = uv.length / (2 * n), steps = given ? 2 : 3;
   const points = new Float64Array(3 * count), d = new Float64Array(3);
@@ -129,8 +129,8 @@ export function deflectionVariance(P, rest, deflected, restIsKnown = false) {
 }
 
 // --- vision/simulation.py
-// Deflections that cameras with whole pixels measure, with shifted pixel grids (null: nominal run).
-// `deflected` may hold all markers once per mode; `near` starts at the true points: fewer steps.
+// Deflections measured by cameras with whole pixels and shifted pixel grids (null: nominal run).
+// `deflected` may hold all markers once per mode; `near` starts at the true points to save steps.
 export function measureDeflections(P, rest, deflected, shifts, restIsKnown = false, near = false) {
   const heightsOf = (points) => points.filter((_, i) => i % 3 === 2);
   function measureHeights(points) {
@@ -150,31 +150,31 @@ export function percentErrors(measured, reference) {
   return { point, mean: Math.sqrt(squares / point.length), largest: Math.max(...point) };
 }
 
-// --- one setting of cameras, with angles in degrees and distances in mm, as readers have them
+// --- one setting of cameras, with angles in degrees and distances in mm, as users give them
 export const MOST_CAMERAS = 24;
 
-// The n-th of numbers in [0, 1) that are the same on every visit (mulberry32).
+// The n-th pseudorandom number in [0, 1), the same on every visit (mulberry32).
 export function randomNumber(n) {
   const seed = Math.imul(n, 0x6d2b79f5);
   let z = Math.imul(seed ^ (seed >>> 15), seed | 1);
   z ^= z + Math.imul(z ^ (z >>> 7), z | 61);
   return ((z ^ (z >>> 14)) >>> 0) / 2 ** 32;
 }
-// Shifts of pixel grids in ±½ px, by draw, camera and axis: results follow a change smoothly.
+// Shifts of pixel grids in ±½ px, by draw, camera and axis: results change smoothly with inputs.
 export const shiftsOf = (draw, cameras, offset) => Float64Array.from({ length: 2 * cameras },
   (_, i) => randomNumber(draw * 2 * MOST_CAMERAS + i + 1) - 0.5 + offset);
 
 // The largest distance between two images of a marker in a camera, in px.
 function largestMotion(before, after, count) {
   let most = 0;
-  for (let i = 0; i < before.length; i += 2 * count) // of each camera u, then v
+  for (let i = 0; i < before.length; i += 2 * count) // per camera u, then v
     for (let u = i, v = i + count; u < i + count; u += 1, v += 1)
       most = Math.max(most, Math.hypot(after[u] - before[u], after[v] - before[v]));
   return most;
 }
 
-// Measurements of some modes in the nominal run, their predicted errors, and draws one by one.
-// `shapes` are modes with peaks of deflection in m; `offset` is that of the principal point.
+// Simulated measurement of some modes: nominal run, predicted errors, and trials one by one.
+// `shapes` are modes with largest deflections in m; `offset` is that of the principal point.
 export function simulateSetting(setting, structure, shapes) {
   const { distance, cameras, focal, size, known, offset = 0 } = setting;
   const P = hemisphereCameras(distance / 1000, cameras.map(radians), focal, size);

@@ -5,9 +5,9 @@ const { abs, sin, cos } = Math;
 const hemisphereDirection = (azimuth, elevation) =>
   [cos(elevation) * sin(azimuth), cos(elevation) * cos(azimuth), sin(elevation)];
 
-// Angles as readers have them, in degrees.
+// From the users' angles in degrees.
 export const radians = (pair) => pair.map((angle) => (angle * Math.PI) / 180);
-export const towards = (pair) => hemisphereDirection(...radians(pair)); // a camera, of length 1
+export const towards = (pair) => hemisphereDirection(...radians(pair)); // unit vector to a camera
 export const apart = (one, two) => Math.hypot(...towards(one).map((c, i) => c - towards(two)[i]));
 
 // Projection matrices K [R | −R C] (eq. 3.10) of equal cameras, 12 numbers each.
@@ -39,9 +39,9 @@ export function project(P, points, shifts = null) {
   return uv;
 }
 
-const WHOLE = 1.5 * 2 ** 52; // beside it a double has no fraction
-export const rint = (value) => value + WHOLE - WHOLE; // halves to even, as numpy.rint
-export function pixelate(uv) { // within 1e-9 px of a half counts as that half
+const WHOLE = 1.5 * 2 ** 52; // near it a double has no fraction
+export const rint = (value) => value + WHOLE - WHOLE; // halves to even, like numpy.rint
+export function pixelate(uv) { // values within 1e-9 px of a half count as that half
   return uv.map((value) => {
     const doubled = rint(2 * value);
     return rint(abs(2 * value - doubled) < 2e-9 ? doubled / 2 : value);

@@ -12,13 +12,13 @@ KINDS.plate = (study) => {
   const readout = html("p",
     { class: "tl-readout", "data-testid": "readout", "aria-live": "polite" });
   c.scale.after(readout);
-  let cell = null; // the pointed one
+  let cell = null; // the selected one
 
   function limit() { // over all settings, so that the scale stays while settings are compared
     const every = [study.mode().reference_mm, ...study.results().map((r) => r.measured_mm)].flat();
     return Math.max(0, ...every.filter(isNumber).map(Math.abs)) || 1;
   }
-  function shown() { // the best and the worst setting; a highlighted one takes the worst's place
+  function shown() { // the best and the worst setting; a highlighted one replaces the worst
     if (study.compare === "all") return study.settings().map((_, i) => i);
     const [best, worst] = study.extremes(), active = study.active();
     return [...new Set([best, active === null || active === best ? worst : active])]
@@ -54,7 +54,7 @@ KINDS.plate = (study) => {
     panel.canvas.replaceChildren();
   }
 
-  // --- the pointed marker: by mouse, finger or arrow keys
+  // --- the selected marker: by mouse, finger or arrow keys
   function point(index) {
     cell = index;
     for (const move of [...b.cursors, ...c.cursors]) move(cell);

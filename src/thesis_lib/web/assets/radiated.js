@@ -1,4 +1,4 @@
-// The sound field of a measured shape, playing. Front end of thesis_lib.measure.report.build.
+// The animated sound field of a measured shape. Front end of thesis_lib.measure.report.build.
 import { amplitude, createPressure, decode, playFields } from "./field.js";
 import { colourBar } from "./maps.js";
 import { figure, followWidth, html } from "./parts.js";

@@ -1,16 +1,16 @@
-// A request of chapter 3 or 4 computed in the page: its settings, as in facts/setups.py, refusals
-// beyond bounds, in the words of figure_sets/parametric, and the viewer's data.
+// A request of chapter 3 or 4, computed in the page: settings, as in facts/setups.py, refusals of
+// values out of bounds, with the text of figure_sets/parametric, and the viewer's data.
 import { isNumber, show } from "./parts.js";
 import { MOST_CAMERAS, bandOf, markers, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
 import { formatGeneral, formatGiven } from "./request.js";
 
 const DRAWS = 200;
-const MOST_IMAGES = 1e6; // of markers, in a page
-const SLICE = 20; // ms until the page may do something else
-const PAUSE = 500; // ms from one drawing of the bands to the next
+const MOST_IMAGES = 1e6; // of markers, computed in a page at most
+const SLICE = 20; // ms of computing until the page may do other work
+const PAUSE = 500; // ms between two drawings of the bands
 
-// --- settings, by what is varied; `facts` are the thesis's
+// --- settings, by varied parameter; `facts` are the thesis's
 const pairOf = ({ azimuth_deg: azimuth, elevation_deg: elevation }) =>
   [[azimuth, elevation], [-azimuth, elevation]];
 const SETTINGS = {
@@ -49,7 +49,7 @@ function peaksOf({ amplitude_mm: given, modes }, { peaks }) { // in m
 }
 
 // --- refusals
-function findCoincident({ cameras }) { // the first two cameras in one place
+function findCoincident({ cameras }) { // the first two cameras at the same position
   const pairs = cameras.flatMap((one, i) => cameras.slice(i + 1).map((two) => [one, two]));
   return pairs.find(([one, two]) => apart(one, two) < 1e-6);
 }
@@ -81,7 +81,7 @@ function findProblem(values, settings, peaks, facts, { length, width }) {
     .every((sets) => sets.every((one, i) => !i || sets[i - 1].length < one.length));
   return grow && own ? "" : refuse("layouts", layouts, conditions.layouts);
 }
-function findLimit({ estimator, noise_px: noise, modes }, settings, count) { // of a page, or ""
+function findLimit({ estimator, noise_px: noise, modes }, settings, count) { // beyond a page, or ""
   if (estimator !== "least-squares") return `the estimator ${estimator}`;
   if (noise > 0) return "noise in the images";
   const counts = settings.map((one) => one.cameras.length), most = Math.max(...counts);
@@ -90,8 +90,8 @@ function findLimit({ estimator, noise_px: noise, modes }, settings, count) { // 
   return images > MOST_IMAGES ? `${images} images of markers (a page takes ${MOST_IMAGES})` : "";
 }
 
-// Settings, modes with their peaks and the structure of a request, or a `problem`, or why it is
-// `left` to the command.
+// Settings, modes with largest deflections and structure of a request; or a `problem`; or the
+// reason why it is `left` to the command.
 function planRequest({ subject, study }, values, facts) {
   const given = facts.structures[subject], peaks = peaksOf(values, given);
   const common = { distance: values.distance_mm, size: values.resolution_px };
@@ -117,7 +117,7 @@ function planRequest({ subject, study }, values, facts) {
 // --- results
 const toMm = (values) => Array.from(values, (value) => 1000 * value);
 
-// What the viewer draws, before the draws. `facts` are those of figure_sets/parametric/in_page.py.
+// The viewer's data, before the trials. `facts` are those of figure_sets/parametric/in_page.py.
 function describeResults({ set, plan, values, runs }, facts) {
   const { settings, structure, shapes } = plan, { grid, hertz, length, width } = structure;
   const [x, y] = markers(structure)
@@ -177,13 +177,13 @@ function compareResults({ all }) {
   return `${alone}the ${which} is ${show(middle)} times the published one${places}.${warning}`;
 }
 
-// `put` takes the viewer's data, whenever there is more; `looked` returns the name of the case in
-// sight. The page stays fluid, for it computes in slices.
+// `put` takes the viewer's data whenever there is more; `looked` returns the name of the visible
+// case. The page stays responsive, since it computes in slices.
 export function createRecompute(facts, put, looked) {
   let job = null, jobs = 0;
-  const { port1, port2 } = new MessageChannel(); // timers hardly run where a page is hidden
+  const { port1, port2 } = new MessageChannel(); // timers are throttled in a hidden page
   port1.onmessage = ({ data }) => { if (data === job?.id) work(job); };
-  function work(own) { // nominal runs of all settings, then draws of each one, those in sight first
+  function work(own) { // nominal runs of all settings, then trials of each, visible ones first
     const { plan: { settings, structure, shapes }, runs, left } = own;
     const end = performance.now() + SLICE;
     while (job === own && performance.now() < end) {
@@ -203,14 +203,14 @@ export function createRecompute(facts, put, looked) {
       }
     }
     if (job !== own) return;
-    if (own.hasMore && (!left.length || end > own.next)) { // to draw many settings takes long
+    if (own.hasMore && (!left.length || end > own.next)) { // drawing many settings is slow
       put(own.data = { ...own.data });
       Object.assign(own, { hasMore: false, next: performance.now() + PAUSE });
     }
     if (left.length) port2.postMessage(own.id);
   }
   return {
-    // Begins to compute a request, or returns why it is refused or left to the command.
+    // Starts to compute a request, or returns why it is refused or left to the command.
     ask(name, values) {
       const set = facts.sets[name], plan = planRequest(set, values, facts);
       job = plan.settings ? { id: jobs += 1, set, plan, values, runs: [], next: 0,

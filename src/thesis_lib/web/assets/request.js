@@ -1,17 +1,17 @@
-// What is typed for a request as Python reads and judges it: JSON, bounds, the command.
+// Parsing and validation of typed values as in Python: JSON, bounds, the command.
 
-// --- JSON, with a space behind commas and colons, as Python writes it
+// --- JSON with a space after commas and colons, as Python writes it
 export const dumps = (value) => JSON.stringify(value, null, 1)
   .replace(/(?<=[[{])\n *|\n *(?=[\]}])/g, "").replace(/\n */g, " ");
-export function formatGiven(value) { // at most 60 signs; of a long list its length
+export function formatGiven(value) { // at most 60 characters; a long list by its length
   const words = dumps(value);
   if (words.length <= 60) return words;
   return Array.isArray(value) ? `a list of ${value.length}` : `${words.slice(0, 57)}...`;
 }
 export const formatGeneral = (value, digits = 6) => `${Number(value.toPrecision(digits))}`;
 
-// What is typed means what it means after `-p name=`: JSON, or else text.
-function parse(text) { // undefined where it is no JSON
+// Typed text is parsed as after `-p name=`: JSON, or else text.
+function parse(text) { // undefined if it is not JSON
   try { return JSON.parse(text); } catch { return undefined; }
 }
 export function parseTyped({ schema }, text) { // lists may be typed without their brackets
@@ -29,7 +29,7 @@ const TYPES = {
   array: Array.isArray,
   object: (value) => Object(value) === value && !Array.isArray(value),
 };
-function findFault(schema, value, at) { // the first one: its place and what is given there, if any
+function findFault(schema, value, at) { // the first fault, if any: its place and the value there
   const own = { at, given: value };
   if (schema.anyOf) return schema.anyOf.every((one) => findFault(one, value, at)) ? own : null;
   const choices = "const" in schema ? [schema.const] : schema.enum;
@@ -55,7 +55,7 @@ function findInObject({ patternProperties, propertyNames, additionalProperties }
       (fits.test(name) ? findFault(inner, one, place) : { at: place, given: name });
   }).find(Boolean);
 }
-export function judge(field, text) { // the value, or what the command says of it
+export function judge(field, text) { // the value, or the command's refusal
   const value = parseTyped(field, text), { schema, name, permitted } = field;
   const differs = () => !schema.items || new Set(value.map(dumps)).size === value.length;
   const fault = findFault(schema, value, name) ?? (differs() ? null : { at: name, given: value });
@@ -63,7 +63,7 @@ export function judge(field, text) { // the value, or what the command says of i
     : { value };
 }
 
-// --- the command; values are quoted as Python's shlex does it
+// --- the command; values are quoted as by Python's shlex
 const quote = (text) =>
   (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", `'"'"'`)}'`);
 export const formatCommand = (name, given) => ["thesis run", name, ...given.map(([key, value]) =>

@@ -5,7 +5,7 @@ import { createRecompute } from "./recompute.js";
 import { dumps, formatCommand, judge, parseTyped } from "./request.js";
 import viewer from "./viewer.js";
 
-// --- the controls of parameters: what is typed, what is allowed, what is wrong with it
+// --- controls of parameters: typed text, allowed values, fault
 const choicesOf = ({ items = {} }) => // of a list
   items.enum ?? items.anyOf?.flatMap((part) => part.enum) ?? [];
 
@@ -31,7 +31,7 @@ function createControl(field, text, id, attributes) {
   return [node, () => node.value];
 }
 
-// One parameter: `text` was typed so far, `more` is a further hint; `changed` takes what is typed.
+// One parameter: `text` is the initial text, `more` a further hint; `changed` is called with input.
 function createField(field, id, text, more, changed) {
   const { name, meaning, unit, allowed, typed, schema } = field;
   const described = { id, "aria-describedby": `${id}-hint ${id}-problem` };
@@ -47,7 +47,7 @@ function createField(field, id, text, more, changed) {
     html("p", { id: `${id}-hint`, class: "tl-rerun-hint" }, hint), problem);
   body.addEventListener("input", () => changed(now()));
   return { name, body, now,
-    report(found) { // says what is wrong, and whether it is another value than the default
+    report(found) { // shows a fault, and whether the value differs from the default
       const other = Boolean(found.problem) || dumps(found.value) !== dumps(usual);
       problem.textContent = found.problem ?? "";
       body.toggleAttribute("data-changed", other);
@@ -64,7 +64,7 @@ function renderForm({ model, el }) {
   const { fields, sets, chapters, here, start = {} } = model.get("form");
   const original = model.get("data"), every = Object.keys(sets), compact = every.length === 1;
   const uid = `tl-rerun-${document.querySelectorAll(".tl-rerun").length}`;
-  const begin = () => new Map( // what is typed, by number of the field
+  const begin = () => new Map( // typed text, by index of the field
     fields.map(({ name }, n) => [n, start[name]]).filter(([, text]) => text !== undefined));
   let texts = begin(), rows = [], shownOf = "";
 
@@ -110,7 +110,7 @@ function renderForm({ model, el }) {
     if (compared) tell(`With ${which} parameters ${compared}`);
   }
   function tell(words) { if (sentence.textContent !== words) sentence.textContent = words; }
-  function compute(judged) { // begins, if there is something to compute; says what is refused
+  function compute(judged) { // starts if there is something to compute; returns a refusal
     const name = chooser.value, values = {};
     for (const { name: field, n } of rows) values[field] = judged.get(n).value;
     const wish = here.sets[name] ? `${name}?${dumps(Object.values(values))}` : "";
@@ -135,7 +135,7 @@ function renderForm({ model, el }) {
   }
 
   // --- the form
-  function describe(run) { // what the command does
+  function describe(run) { // the command's action
     if (!chapters[chooser.value]) return run.takes;
     const names = run.differ.join(", "), computed = run.sets.some((one) => here.sets[one]);
     return `The command below runs all ${run.sets.length} figure sets of the chapter, ` +
@@ -160,7 +160,7 @@ function renderForm({ model, el }) {
     update();
     if (compact) parts.open ||= rows.some((row) => row.other);
   }
-  function update() { // all rows, the line that the command would print, or the commands
+  function update() { // all rows, the command's error message, or the commands
     const judged = new Map(rows.map(({ n, now }) => [n, judge(fields[n], now())]));
     const run = chosen(), given = new Map();
     for (const row of rows) {
@@ -170,7 +170,7 @@ function renderForm({ model, el }) {
     }
     const faults = run.sets.flatMap((one) => sets[one].checked.filter((n) => judged.get(n)?.problem)
       .map((n) => `thesis: ${one}: ${judged.get(n).problem}`));
-    if (faults.length) shownOf = null; // what comes next differs from it, "" too
+    if (faults.length) shownOf = null; // so the next result differs from it, also ""
     const refused = faults[0] || compute(judged), { size } = given;
     output.hidden = sentence.hidden = Boolean(refused);
     if (refused) figure.setAttribute("data-stale", "");
@@ -182,7 +182,7 @@ function renderForm({ model, el }) {
       order.filter((n) => given.has(n)).map((n) => given.get(n)));
   }
 
-  // --- the address: ?set=beam-distance&azimuth_deg=45
+  // --- the URL: ?set=beam-distance&azimuth_deg=45
   function readAddress() {
     const name = asked("set") ?? "";
     if (Object.hasOwn(sets, name) || Object.hasOwn(chapters, name)) chooser.value = name;

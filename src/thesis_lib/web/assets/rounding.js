@@ -7,12 +7,12 @@ import {
 import { markers, measureDeflections, randomNumber, simulateSetting } from "./physics.js";
 import { pixelate, radians } from "./pinhole.js";
 
-// --- what they share: controls, panels that are drawn again when something changes, draws
+// --- shared parts: controls, panels that are redrawn on changes, random draws
 const average = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 const rms = (values) => Math.sqrt(average(values.map((value) => value * value)));
 const action = (words, onClick) => button(words, { class: "tl-play" }, onClick);
 
-// A slider for a key of the state, as a row of an experiment describes it.
+// A slider for a key of the state, from a row of an experiment.
 function createSlider(state, set, [words, key, , [min, max], step, digits, unit]) {
   const shown = html("b"), box = html("input", { type: "range", min, max, step,
     oninput: () => set({ [key]: Number(box.value) }) });
@@ -26,7 +26,7 @@ function createSlider(state, set, [words, key, , [min, max], step, digits, unit]
 }
 
 // An experiment: `build` returns its buttons, a `model` for tests, `reset`, called when the state
-// changes, and `draw(widths)`, which returns the words below and may `request` one more frame.
+// changes, and `draw(widths)`, which returns the text below and may `request` one more frame.
 function render({ model, el }) {
   const [name, label, letters, build, ...rows] = EXPERIMENTS[model.get("experiment")];
   const status = html("p", { class: "tl-summary", role: "status" });
@@ -43,10 +43,10 @@ function render({ model, el }) {
   };
   const built = build({ ...panels, ...model.get("data"), state, set, request, random });
   const sliders = rows.map((row) => createSlider(state, set, row));
-  const remember = () => // in the address
+  const remember = () => // in the URL
     keep(Object.fromEntries(rows.map(([, key, usual]) =>
       [`${name}-${key}`, state[key] === usual ? null : state[key]])));
-  for (const { key, box } of sliders) { // the browser keeps it to the slider's range and steps
+  for (const { key, box } of sliders) { // the browser limits it to the slider's range and steps
     const given = Number(asked(`${name}-${key}`) || NaN);
     box.value = Number.isNaN(given) ? state[key] : given;
     state[key] = Number(box.value);
@@ -68,7 +68,7 @@ function render({ model, el }) {
   followWidth(root, request);
 }
 
-// Words above a panel, also for screen readers, and below it.
+// Text above a panel, also for screen readers, and below it.
 function entitlePanel({ canvas, caption, foot }, words, more, below = "") {
   caption.textContent = words;
   fill(canvas, { "aria-label": `${words}. ${more}` });
@@ -77,12 +77,12 @@ function entitlePanel({ canvas, caption, foot }, words, more, below = "") {
 const chart = (panel, width, across, up, xTitle, yTitle) =>
   axes(panel, width, across, up, xTitle, yTitle, { columns: width < 420 ? 4 : 7 });
 
-// --- one marker on one pixel grid: what rounding makes of its motion, and the law from draws
+// --- one marker on one pixel grid: its motion after rounding, and the law from random draws
 function buildMarker({ a, b, c, state, set, request, random }) {
   const REST = 0.2, MOST = 3, DRAWS = 200, found = new Map(); // px, px, draws, errors drawn
   const hundredth = (value) => Math.round(100 * value) / 100;
   const law = (motion) => Math.sqrt((motion % 1) * (1 - (motion % 1)));
-  // Rest and moved image in whole pixels of a grid that is shifted, the error of their difference.
+  // Images at rest and moved, in whole pixels of a shifted grid, and the error of their difference.
   function measured(motion, shift) {
     const [from, to] = pixelate(Float64Array.of(REST + shift, REST + motion + shift));
     return { from: from - shift, to: to - shift, error: to - from - motion };
@@ -153,7 +153,7 @@ function buildMarker({ a, b, c, state, set, request, random }) {
       "dashed: ± rms error by the law");
   }
 
-  function drawCurve(width) { // (c) rms errors of the draws beside the law
+  function drawCurve(width) { // (c) rms errors of the draws compared with the law
     const at = chart(c, width, [0, MOST], [0, 0.6], "motion δ, px", "rms error, px");
     const dot = (cls, motion, error, r) => circle(cls, at.x(motion), at.y(error), r);
     const points = Array.from({ length: 301 }, (_, i) => (i * MOST) / 300)
@@ -185,22 +185,22 @@ function buildMarker({ a, b, c, state, set, request, random }) {
   return { buttons, draw, model: { found, law, measured } };
 }
 
-// --- two cameras and a point, in the plane of both: pixels are strips, and two measure a height
+// --- two cameras and a point, in their common plane: pixels are strips; two of them give a height
 function buildPoint({ a, b, state, set, request, random }) {
   const DISTANCE = 500, FOCAL = (24 / 36) * 320, SPAN = DISTANCE / FOCAL; // mm, px, mm/px
   const DRAWS = 400, MOST = 6; // draws, mm
   let shifts = [0, 0], errors = [];
-  // Image coordinates of the camera on each side, in px, grow with X by `along`, with Z by `up`.
+  // Image coordinates of the camera on each side, in px, increase with X by `along`, with Z by `up`.
   const rows = (phi) => [-1, 1].map((side) =>
     ({ along: (-side * Math.sin(phi)) / SPAN, up: Math.cos(phi) / SPAN }));
-  // Motion of both images in px, its fraction, ∂Z/∂m in mm/px, standard deviation of w in mm.
+  // Motion of both images in px, its fractional part, ∂Z/∂m in mm/px, standard deviation of w in mm.
   function law({ deflection, elevation }) {
     const [phi] = radians([elevation]), delta = deflection * rows(phi)[0].up;
     const f = delta - Math.floor(delta);
     const g = SPAN / (2 * Math.cos(phi));
     return { phi, delta, f, g, sigma: g * Math.sqrt(2 * f * (1 - f)) };
   }
-  function measured(cast) { // places as rebuilt at rest and moved, and the error
+  function measured(cast) { // triangulated points at rest and moved, and the error
     const { phi, g } = law(state), by = rows(phi);
     const rebuild = (z) => {
       const m = by.map(({ up }, i) => pixelate(Float64Array.of(up * z + cast[i]))[0] - cast[i]);
@@ -252,7 +252,7 @@ function buildPoint({ a, b, state, set, request, random }) {
       "circles: true; crosses: where the middle of the strips meets");
   }
 
-  function drawErrors(width) { // how often which error comes out
+  function drawErrors(width) { // histogram of the errors
     const { f, g, sigma } = law(state), most = Math.max(1, 1.3 * 2 * g);
     const { x, y, bottom } = chart(b, width, [-most, most], [0, 1],
       "error of the deflection, mm", "share of the draws");
@@ -281,12 +281,12 @@ function buildPoint({ a, b, state, set, request, random }) {
   return { buttons, draw, reset() { errors = []; }, model: { law, errors: () => errors } };
 }
 
-// --- many cameras and a beam: errors of its markers, drawn and by the law, by number of cameras
+// --- many cameras and a beam: errors of its markers in trials and by the law, by number of cameras
 function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidth }) {
   const SIZE = [320, 180], MOST = 24, DRAWS = 400; // px, cameras, draws
   const places = markers(structure)[0].map((x) => 1000 * x), focal = (24 / sensorWidth) * SIZE[0];
   let scene = null;
-  function seen(count) { // what does not change from draw to draw; cameras stand evenly, none on an
+  function seen(count) { // constant over the draws; cameras are equally spaced, none on an
     const cameras = Array.from({ length: count }, // axis of the beam
       (_, i) => [((i + 0.3) * 360) / count, state.elevation]);
     const setting = { distance: 500, cameras, focal, size: SIZE };
@@ -328,7 +328,7 @@ function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidt
   }
   function draw(width) {
     if (!scene) prepare();
-    const end = performance.now() + 8; // ms, so that sliders stay fluid
+    const end = performance.now() + 8; // ms, so that sliders stay responsive
     do one(); while (scene.draws < DRAWS && performance.now() < end);
     if (scene.draws < DRAWS) request();
     const most = state.amplitude * 1.25, law = inMm(scene.variance), [reference, last] =
@@ -351,8 +351,8 @@ function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidt
   return { buttons, draw, reset() { scene = null; }, model: { scene: () => scene } };
 }
 
-// Name in the address, label, letters of the panels, function that builds it, and its sliders:
-// words, key of the state and of the address, usual value, range, step, digits, unit.
+// Name in the URL, label, letters of the panels, function that builds it, and its sliders:
+// label, key in the state and the URL, default, range, step, digits, unit.
 const EXPERIMENTS = {
   rounding_marker: ["marker", "One marker on one pixel grid", [..."abc"], buildMarker,
     ["Motion δ", "motion", 1.3, [0, 3], 0.01, 2, " px"],

@@ -1,4 +1,4 @@
-// Panel (a): the structure, which bends, and the cameras around it, to be turned.
+// Panel (a): the bending structure and the cameras around it, in a rotatable view.
 import { entitle, fill, heightOf, isNumber, lines, path, resize, svg, text } from "./parts.js";
 import { towards } from "./pinhole.js";
 import {
@@ -6,13 +6,13 @@ import {
   orbitHemisphere, plus, times, trace, turnable,
 } from "./space.js";
 
-const LARGEST = 0.06; // deflection as it is drawn, of the structure's length
+const LARGEST = 0.06; // drawn deflection, relative to the structure's length
 
-export function createSketch(panel, study) { // returns what draws it
+export function createSketch(panel, study) { // returns the drawing function
   const view = { azimuth: 158, elevation: 33 }, shape = path("tl-mesh");
-  let bending = []; // of the mesh through the markers, on the screen
+  let bending = []; // screen curves of the mesh through the markers
 
-  function mesh() { // curves of places [X, Y, deflection] in mm; a hole in the markers ends one
+  function mesh() { // curves of points [X, Y, deflection] in mm; a gap in the markers ends one
     const { x_mm: xs, y_mm: ys, structure: { length_mm: length, width_mm: width } } = study.data;
     if (!xs) return [];
     const markers = study.markers(), edge = (y) => // of a beam, from the clamp to the last marker
@@ -49,15 +49,15 @@ export function createSketch(panel, study) { // returns what draws it
       ...drawAxes(space, [half, across, 0], 0.16 * radius),
       path(bending.length ? "tl-rest" : "tl-plate", outline), shape,
       ...(kind === "beam" ? [drawClamp(space, half, radius)] : [])];
-    for (const { name, u_mm: [u0, u1], z_mm: [z0, z1] } of data.planes ?? []) { // of the sound
+    for (const { name, u_mm: [u0, u1], z_mm: [z0, z1] } of data.planes ?? []) { // of a sound study
       const rectangle = [[u0, z0], [u1, z0], [u1, z1], [u0, z1]]
         .map(([u, z]) => (name.startsWith("X") ? [u, 0, z] : [0, u, z]));
       const [x, y] = flat(rectangle[3]);
       scene.push(line("tl-plane", rectangle, "Z"), text(x, y - 4, name, "tl-muted"));
     }
 
-    // Cameras: pyramids with the tip at the centre of projection. One that several highlighted
-    // settings share has the first one's colour.
+    // Cameras: pyramids with the tip at the centre of projection. A camera in several highlighted
+    // settings has the colour of the first.
     const seen = new Set(), pyramids = [];
     function pyramid(camera, style = null) {
       const [distance, ...angles] = camera, tip = times(towards(angles), distance);

@@ -12,7 +12,7 @@ KINDS.sound = (study) => {
   motion.watch(b.node);
 
   const isNodal = (name) => study.results().every(({ planes }) => !isNumber(planes[name]?.mean));
-  function fieldsOf(name) { // [word, field or null, setting or null]
+  function fieldsOf(name) { // [label, field or null, setting or null]
     const extremes = study.case().extremes?.[study.mode().mode] ?? {};
     const read = ({ fields: all }) => (all?.[name] ? decode(all[name]) : null);
     return [["ideal", isNodal(name) ? null : read(study.mode()), null],

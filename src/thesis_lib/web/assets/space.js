@@ -1,4 +1,4 @@
-// Space in every sketch: vectors, surroundings of a structure, cameras, turning, bending.
+// 3-D sketches: vectors, surroundings of a structure, cameras, rotation, bending.
 import { ARROWS, clamp, fill, followDrag, lines, path, text } from "./parts.js";
 import { towards } from "./pinhole.js";
 
@@ -14,7 +14,7 @@ export const trace = (point, steps = 72) =>
   Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
 export const SQUARE = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
 
-// Directions to the viewer and of the screen, places on the screen, and lines through places.
+// Directions to the viewer and of the screen, positions on the screen, and lines through points.
 export function orbit(view, unit, [x, y]) {
   const viewer = towards([view.azimuth, view.elevation]), right = sideways(view.azimuth);
   const up = cross(viewer, right), flat = (v) => [x + unit * dot(v, right), y - unit * dot(v, up)];
@@ -22,7 +22,7 @@ export function orbit(view, unit, [x, y]) {
     path(cls, lines(points.map(flat), end), { style });
   return { viewer, right, up, flat, line, unit, centre: [x, y] };
 }
-// The same for a hemisphere that fills a drawing but for some px at its sides.
+// As orbit(), for a hemisphere that fills a drawing except for some px at its sides.
 export function orbitHemisphere(view, radius, width, height, sides) {
   const sine = Math.sin(view.elevation * RAD);
   const unit = Math.min((width - sides) / 2, (height - 44) / (1 + sine)) / radius;
@@ -36,7 +36,7 @@ export const drawHemisphere = (space, radius) => [
   ...[0, 45, 90, 135].map((azimuth) =>
     space.line("tl-wire", trace((t) => times(towards([azimuth, 180 * t]), radius))))];
 
-// Axes that begin at distances `from` the origin; `size` is how long they are.
+// Axes that begin at distances `from` the origin and have the length `size`.
 export const drawAxes = ({ flat, line }, from, size) => ["X", "Y", "Z"].flatMap((name, i) => {
   const axis = [0, 1, 2].map((k) => Number(k === i));
   const [x, y] = flat(times(axis, from[i] + 1.35 * size));
@@ -47,8 +47,8 @@ export const drawAxes = ({ flat, line }, from, size) => ["X", "Y", "Z"].flatMap(
 export const drawClamp = ({ line }, half, radius) =>
   line("tl-clamp", SQUARE.map(([u, v]) => [-half, u * 0.07 * radius, v * 0.05 * radius]), "Z");
 
-// A camera as a pyramid: the base `size` before the tip and towards the origin, its long sides
-// level. It is as wide as `spread` says of its distance, and as high as `ratio` of that.
+// A camera as a pyramid: its base is `size` from the tip towards the origin, with horizontal long
+// sides. Its width is `spread` times that distance, its height `ratio` times the width.
 export function drawCamera({ line, flat }, tip, size, spread = 1, ratio = 0.56) {
   const out = times(tip, 1 / Math.hypot(...tip)), azimuth = Math.atan2(tip[0], tip[1]) / RAD;
   const side = times(sideways(azimuth), (size * spread) / 2), over = times(cross(side, out), ratio);
@@ -58,7 +58,7 @@ export function drawCamera({ line, flat }, tip, size, spread = 1, ratio = 0.56) 
     path("", base.map((corner) => lines([tip, corner].map(flat))).join(""))];
 }
 
-// Lets a view be turned; `grab(place, event)` may return what follows the pointer in place of that.
+// Makes a view rotatable; `grab(place, event)` may return a handler of the moves in place of that.
 export function turnable(canvas, view, lowest, draw, grab = () => null) {
   function turn(azimuth, elevation) {
     view.azimuth += azimuth;
@@ -77,6 +77,6 @@ export function turnable(canvas, view, lowest, draw, grab = () => null) {
   } });
 }
 
-// Curves of points [x, y, rise] on the screen, bent by `amount` of their largest rise, in px.
+// Curves of points [x, y, rise] on the screen, in px, bent by `amount` of their largest rise.
 export const bent = (curves, amount) =>
   curves.map((curve) => lines(curve.map(([x, y, rise]) => [x, y - amount * rise]))).join("");

@@ -12,7 +12,7 @@ import "./beam.js";
 import "./plate.js";
 import "./sound.js";
 
-// What one viewer shows: the chosen case and mode, the highlighted setting, and the words for them.
+// State of a viewer: the chosen case and mode, the highlighted setting, and their labels.
 function createStudy(model) {
   const study = {
     data: model.get("data"), compare: "extremes", hovered: null, focused: null, pinned: null,
@@ -25,12 +25,12 @@ function createStudy(model) {
     tint: (i) => `--c:${study.data.colors[i % study.data.colors.length]}`,
     active: () => study.hovered ?? study.focused ?? study.pinned,
 
-    // Errors of a setting: one, or one per plane of the sound, without a mean if that is nodal.
+    // Errors of a setting: one, or one per plane of the sound, without a mean on a nodal plane.
     errors(i) {
       const result = study.results()[i];
       return study.data.planes?.map(({ name }) => ({ name, ...result.planes[name] })) ?? [result];
     },
-    // What settings are ranked by: the median over the trials, or the one run there is.
+    // Settings are ranked by this: the median over the trials, or the single run.
     typical: (result) => result?.median ?? result?.mean,
     extremes() { // the best and the worst setting
       const stored = study.case().extremes?.[study.mode().mode];
@@ -109,7 +109,7 @@ function render({ model, el }) {
   const [a, d] = ["a", "d"].map((letter) => figure(letter, svg("svg")));
   const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight, remember);
   const image = createImage(), motion = createMotion([sketch.move, image.show]);
-  let panels = null; // of the kind of structure
+  let panels = null; // panels by kind of structure
 
   // --- controls
   const choose = (name) => (value) => { model.set(name, value); model.save_changes(); remember(); };
@@ -130,14 +130,14 @@ function render({ model, el }) {
       }));
   }
 
-  // --- the address of a page: ?case=2a&mode=3, and what is compared or pinned
+  // --- the URL of a page: ?case=2a&mode=3, and the compared or pinned settings
   function remember() {
     if (!onPage) return;
     keep({ case: study.case().name, mode: study.mode().mode,
       compare: study.compare === "all" ? "all" : null,
       setting: study.pinned === null ? null : study.pinned + 1 });
   }
-  function recall() { // what is unknown or makes no sense is ignored
+  function recall() { // unknown and invalid values are ignored
     const named = study.data.cases.find(({ name }) => name === asked("case"));
     const mode = study.data.modes.find((one) => `${one.mode}` === asked("mode"));
     if (named) model.set("case", named.name);
@@ -148,7 +148,7 @@ function render({ model, el }) {
   }
 
   // --- updating
-  function highlight() { // the bars keep their elements: a redraw would move the focus
+  function highlight() { // keeps the elements of the bars: a redraw would move the focus
     panels.highlight?.();
     for (const node of root.querySelectorAll("[data-setting]")) {
       const i = Number(node.dataset.setting);
@@ -163,7 +163,7 @@ function render({ model, el }) {
     film();
     motion.redraw();
   }
-  function film() { // what the cameras of a setting see: the highlighted one, or the best
+  function film() { // images of the cameras of the highlighted setting, or of the best
     const { lens } = study.data;
     const i = study.active() ?? Math.max(0, study.extremes()[0]);
     if (!lens) return;
@@ -191,7 +191,7 @@ function render({ model, el }) {
   function changeCase(pinned = null) {
     study.hovered = study.focused = null;
     study.pinned = pinned;
-    const curves = study.data.structure.kind === "beam"; // a curve has a line through its marks
+    const curves = study.data.structure.kind === "beam"; // a curve has a line through the marks
     const reference = html("li", {}, icon(26, path("tl-reference", "M2 7H24")),
       html("span", {}, "reference"));
     const sample = (i) => icon(26, path("tl-line", "M1 7H25"), path("tl-mark", mark(i, 13, 7, 3)));
@@ -204,7 +204,7 @@ function render({ model, el }) {
     "modes", "mode", "cases", "name", "title", "settings", "label"]);
   function changeData() {
     const before = study.data, data = study.data = model.get("data") ?? {};
-    if (panels && outline(before) === outline(data)) return update(); // other numbers alone
+    if (panels && outline(before) === outline(data)) return update(); // only numbers differ
     panels?.stop?.();
     panels = null;
     const kind = data.structure?.kind, known = data.cases?.length && KINDS[kind];
@@ -220,7 +220,7 @@ function render({ model, el }) {
     fit();
     changeCase(pinned);
   }
-  function fit() { // px of a column, of the whole viewer, of panel (d)
+  function fit() { // widths in px of a column, the whole viewer, panel (d)
     const before = study.width;
     study.wide = root.classList.toggle("tl-wide", root.clientWidth >= 660);
     study.width = a.node.clientWidth || 480;
