@@ -68,7 +68,7 @@ def task_inputs() -> Iterator[dict[str, Any]]:
     """Compute the interpretations of the thesis first: they take long and need no cube."""
     yield {
         "name": "interpretations",
-        "actions": [build.make_inputs],
+        "actions": [build.precompute_ledger_inputs],
         "targets": ledger.input_files(ledger.Claims()),
         "uptodate": [True],  # their names contain a digest of request and code
         "io": {"capture": False},
@@ -78,13 +78,13 @@ def task_inputs() -> Iterator[dict[str, Any]]:
 def task_notebook() -> Iterator[dict[str, Any]]:
     """Execute the notebooks; each makes its cube."""
     for name in build.longest_first():
-        first = [f"notebook:{other}" for other in build.inputs_of(name)]
+        first = [f"notebook:{other}" for other in build.list_prerequisites(name)]
         yield {
             "name": name,
             "actions": [(build.make_results, [name])],
             "targets": list(result_files(name)),
             "task_dep": [*first, *["inputs"] * (name == "claims")],
-            "uptodate": [lambda task, values, name=name: build.is_made(name)],
+            "uptodate": [lambda task, values, name=name: build.is_result_current(name)],
             "io": {"capture": False},
         }
 
@@ -111,7 +111,7 @@ def included(*names: str) -> list[Path]:
 def task_text() -> Iterator[dict[str, Any]]:
     """Write the pieces of pages that need no cube."""
     recordings_code = [
-        measured_sample.sample_path(),
+        measured_sample.example_path(),
         *list_code("book/pieces", "laboratory", "measure", "planning", "plotting", "web"),
         *list_code(*WORD_CODE),
     ]

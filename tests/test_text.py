@@ -6,7 +6,7 @@ from hypothesis import given, strategies as st
 
 from thesis_lib import templates, text
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.planning.structure_file import MeshError, read_body
+from thesis_lib.planning.structure_file import StructureFileError, read_body
 from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.text import RefusedError
@@ -30,7 +30,7 @@ def test_what_everybody_sees_is_a_name():
 
 
 def test_a_structure_file_whose_name_hides_something_is_refused(tmp_path):
-    with pytest.raises(MeshError, match="a visible name"):
+    with pytest.raises(StructureFileError, match="a visible name"):
         read_body(tmp_path / "a\u202eb.nc", [1])
 
 

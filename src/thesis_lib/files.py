@@ -21,7 +21,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from thesis_lib.text import RefusedError, aside, has_hidden, one_line
+from thesis_lib.text import RefusedError, has_hidden, one_line, print_status
 
 _SHIPPED_FOLDER = "_project"  # the project files that a wheel contains
 STAGING_PREFIX = ".staging-"
@@ -66,11 +66,11 @@ def project_root() -> Path:
 def workplace() -> Path:
     """Return the folder of runs, caches and logs: the checkout, else the working directory."""
     root = shipped()
-    return _began_in() if root.name == _SHIPPED_FOLDER else root
+    return _START_FOLDER() if root.name == _SHIPPED_FOLDER else root
 
 
 @cache
-def _began_in() -> Path:
+def _START_FOLDER() -> Path:
     """Return the working directory at the first call: a kernel gets a folder of its own later."""
     return Path.cwd()
 
@@ -211,7 +211,7 @@ def remove_temporary() -> None:
 
 
 @contextlib.contextmanager
-def only_command(folder: Path, wait: bool = False) -> Iterator[None]:
+def lock_folder(folder: Path, wait: bool = False) -> Iterator[None]:
     """Lock a folder against other commands; if one holds the lock, wait or raise InUseError."""
     folder.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder / LOCK_NAME, thread_local=False, is_singleton=True)
@@ -245,7 +245,7 @@ class OutputError(RefusedError):
 
 
 @contextlib.contextmanager
-def name_place(place: Path) -> Iterator[None]:
+def name_failing_path(place: Path) -> Iterator[None]:
     """Add the file or folder to system errors that name none, such as that of a full disk."""
     try:
         yield
@@ -292,7 +292,7 @@ def put_files(part: Path, folder: Path) -> None:
     """
     found = [path for path in sorted(part.rglob("*")) if path.is_file()]
     names = [path.relative_to(part).as_posix() for path in found]
-    with _THREAD_LOCK, only_command(folder, wait=True):
+    with _THREAD_LOCK, lock_folder(folder, wait=True):
         check_outputs(folder, [folder / name for name in names])
         record = dict(_read_record(folder))
         for name in names:  # with the present digest: a kill may precede the replacement
@@ -305,7 +305,7 @@ def put_files(part: Path, folder: Path) -> None:
                 others = (file.with_stem(f"{file.stem}.{k}") for k in itertools.count(1))
                 kept = next(other for other in others if not os.path.lexists(other))
                 file.rename(kept)
-                aside(f"{file} has changed since it was written; it is kept as {kept.name}")
+                print_status(f"{file} has changed since it was written; it is kept as {kept.name}")
             file.parent.mkdir(parents=True, exist_ok=True)
             (part / name).replace(file)
 

@@ -63,18 +63,18 @@ def _refuse_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def visible(text: str) -> str:
+def escape_unprintable(text: str) -> str:
     """Return the text with unprintable characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def one_line(text: str, longest: int = 60) -> str:
     """Shorten a text to one line of at most `longest` characters."""
-    text = visible(text)
+    text = escape_unprintable(text)
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
-def listed(names: Iterable[str], command: str) -> str:
+def format_list(names: Iterable[str], command: str) -> str:
     """List all names or, if the list is too long, name the command that shows them."""
     all_ = ", ".join(names)
     fits = len(all_) <= MAX_MESSAGE_LENGTH - 100
@@ -83,23 +83,23 @@ def listed(names: Iterable[str], command: str) -> str:
 
 def message(text: str) -> str:
     """Shorten a message to a line of :data:`MAX_MESSAGE_LENGTH` characters; cut its middle."""
-    text = visible(text.strip())
+    text = escape_unprintable(text.strip())
     if len(text) <= MAX_MESSAGE_LENGTH:
         return text
     half = (MAX_MESSAGE_LENGTH - 5) // 2
     return f"{text[:half]} ... {text[-half:]}"
 
 
-def of_error(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """Describe an unexpected error by its type and its text, which may be anything.
 
     A system error is described by its file and the problem with it.
 
     Examples
     --------
-    >>> of_error(OSError(28, "No space left on device", "cubes/a.nc"))
+    >>> describe_error(OSError(28, "No space left on device", "cubes/a.nc"))
     'cubes/a.nc: No space left on device'
-    >>> of_error(KeyError("case"))
+    >>> describe_error(KeyError("case"))
     "KeyError: 'case'"
     """
     if isinstance(error, OSError) and error.strerror:
@@ -126,7 +126,7 @@ _VERDICT_COLOURS = {"agrees": "green", "within scatter": "yellow", "differs": "r
 _VERDICT_PATTERN = re.compile("|".join(_VERDICT_COLOURS))
 
 
-def aside(text: str) -> None:
+def print_status(text: str) -> None:
     """Print a line on standard error, but not in a kernel, where it would be cell output."""
     if QUIET_VARIABLE not in os.environ:
         echo(message(text), err=True)
@@ -139,7 +139,7 @@ def echo(*lines: str, err: bool = False, verdicts: bool = False, colour: str = "
     Unprintable characters, line feeds included, are escaped: file names may contain any.
     """
     on_screen = not err and sys.stdout.isatty() and not os.environ.get("NO_COLOR")
-    for line in map(visible, lines):
+    for line in map(escape_unprintable, lines):
         shown = _VERDICT_PATTERN.sub(_colour_verdict, line) if verdicts and on_screen else line
         click.echo(click.style(shown, fg=colour) if colour and on_screen else shown, err=err)
 

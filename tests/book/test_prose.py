@@ -8,7 +8,7 @@ import pytest
 
 from thesis_lib import files
 from thesis_lib.book.pieces import benchmarks, write as pieces_write
-from thesis_lib.book.pieces.opened import Opened, of_subject
+from thesis_lib.book.pieces.opened import Opened, select_subject
 from thesis_lib.facts import claims
 from thesis_lib.ledger import verdicts
 
@@ -44,7 +44,7 @@ def test_agreement_counts_the_checks(opened, text):
     (met, total) = map(int, re.search(r"\*\*(\d+) of (\d+)\*\*", text("beam-results")).groups())
     checks = [
         check
-        for cube in of_subject(opened, "beam")
+        for cube in select_subject(opened, "beam")
         for check in verdicts.check_claims(cube, claims.claims_of(cube.attrs["figure_set"]))
         if check.claim.quantity == "mean_error"
     ]

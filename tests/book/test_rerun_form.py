@@ -15,7 +15,7 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.notebook.show import form_data
-from thesis_lib.runs.command_line import parse_assignments, requests_of
+from thesis_lib.runs.command_line import build_requests, parse_assignments
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.text import RefusedError
@@ -171,7 +171,7 @@ def test_a_chapters_command_reaches_each_set(chromium, path):
         (line,) = said["commands"]
         words = shlex.split(line)
         assert words[:3] == ["thesis", "run", "ch3"]
-        studies = requests_of(["ch3"], parse_assignments(words[4::2]))
+        studies = build_requests(["ch3"], parse_assignments(words[4::2]))
         assert [one.name for one in studies] == CHAPTER_SETS["ch3"]
         assert studies[0].request["distances_mm"] == [600, 900]
         assert all(one.request["focal_length_mm"] == 35 for one in studies)
@@ -180,7 +180,7 @@ def test_a_chapters_command_reaches_each_set(chromium, path):
 def test_a_number_of_cameras_is_answered_by_how_to_say_it():
     for names in (["ch3"], ["beam-arrays"], ["sound-distance"]):
         with pytest.raises(RefusedError) as caught:
-            requests_of(names, {"cameras": 5})
+            build_requests(names, {"cameras": 5})
         (words,) = [one for one in shlex.split(str(caught.value)) if one.startswith("layouts=")]
         layouts = parse_assignments([words])
         assert validate_request(ARRAYS, layouts).request["layouts"] == layouts["layouts"]

@@ -16,7 +16,7 @@ from thesis_lib.measure.report.warnings import check_shape
 
 @pytest.fixture(scope="module")
 def data():
-    return example.read_sample()
+    return example.read_example()
 
 
 @pytest.fixture(scope="module")

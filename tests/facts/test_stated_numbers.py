@@ -50,7 +50,7 @@ def test_every_number_has_a_value():
     ],
 )
 def test_a_number_stands_for_what_is_rounded_to_it(stated, low, high):
-    number = stated_numbers.StatedNumber("n", 3, "3.1", "words", stated, "", "tip")
+    number = stated_numbers.PrintedNumber("n", 3, "3.1", "words", stated, "", "tip")
     np.testing.assert_allclose([number.low, number.high], [low, high], rtol=2e-9)
     assert number.low < number.high
 

@@ -337,7 +337,9 @@ def test_the_tracker_follows_markers_from_that_height_on():
     for _, row in published[published["error"] == "mean_error"].iterrows():
         if row["case"] != "middle-row":  # a row without neighbours is lost earlier
             fine = bool(row["median"] < 0.1)
-            assert fine == (heights[row["case"], float(row["value"])] > design_shares.FOLLOWED_PX)
+            assert fine == (
+                heights[row["case"], float(row["value"])] > design_shares.MIN_TRACKED_HEIGHT_PX
+            )
 
 
 def test_tolerated_noise_leaves_half_of_the_gain(conforms):
@@ -346,6 +348,6 @@ def test_tolerated_noise_leaves_half_of_the_gain(conforms):
     gains = []
     for one in (0.0, noise):
         errors = simulation.deflection_errors((0.75,) * n, 6, 100, one, seed=0, rules=rules)
-        least, centre = simulation.over_layouts(errors)
+        least, centre = simulation.rms_over_layouts(errors)
         gains.append(1 - centre / least)
     conforms.sampled(gains[1] / gains[0], 0.5, atol=0.1)

@@ -45,7 +45,7 @@ def drawings(cube):
     """Return the figures of a cube: those shown by name, and the first and last of its cases."""
     name = cube.attrs["figure_set"]
     found = {
-        f"{one} {which}": display.draw_picture(cube, one, *which)
+        f"{one} {which}": display.draw_named_figure(cube, one, *which)
         for one in display.read_captions(name)
         for which in WHICH.get((name, one), [()])
     }
@@ -91,7 +91,7 @@ def test_figures_are_drawn_from_the_cube_alone(name):
         figure_set=name, parameters=cube.attrs["parameters"], cost_is="pixels per second"
     )
     for one in display.read_captions(name):
-        texts = {figure_svg(display.draw_picture(part, one)) for part in (cube, cube, bare)}
+        texts = {figure_svg(display.draw_named_figure(part, one)) for part in (cube, cube, bare)}
         assert len(texts) == 1, one
 
 

@@ -140,19 +140,19 @@ def test_one_depth_for_all_is_wrong_by_the_ratio_of_depths(conforms, azimuth, el
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4), st.floats(0.1, 10))
 def test_homogeneous_coordinates_go_there_and_back(conforms, point, factor):
-    triple = optics.append_one(point)
+    triple = optics.to_homogeneous(point)
     assert triple.shape == (len(point) + 1,)
     conforms.invariance(optics.from_homogeneous(factor * triple), point, atol=1e-12)
 
 
 def test_lines_join_points_and_points_join_lines(conforms):
-    a, b, c = optics.append_one([[0, 1], [2, 5], [3, 1]])
+    a, b, c = optics.to_homogeneous([[0, 1], [2, 5], [3, 1]])
     line, other = optics.join_homogeneous(a, b), optics.join_homogeneous(a, c)
     assert [float(line @ a), float(line @ b)] == [0, 0]
     conforms.closed_form(
         optics.from_homogeneous(optics.join_homogeneous(line, other)), [0, 1], rtol=1e-7
     )
-    parallel = optics.join_homogeneous(*optics.append_one([[0, 3], [2, 7]]))
+    parallel = optics.join_homogeneous(*optics.to_homogeneous([[0, 3], [2, 7]]))
     meeting = optics.join_homogeneous(line, parallel)
     assert meeting[2] == 0
     assert meeting[1] / meeting[0] == 2  # the direction of both

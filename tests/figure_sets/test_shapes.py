@@ -9,8 +9,8 @@ from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric import figures as shape_figures
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.planning.positions import body_of
-from thesis_lib.planning.structure_file import modes_of, read_body, write_modes
+from thesis_lib.planning.positions import build_body
+from thesis_lib.planning.structure_file import export_modes, read_body, write_modes
 from thesis_lib.plotting.selection import viewer_data
 from thesis_lib.studies import schema
 from thesis_lib.vibration.polygons import polygon_area
@@ -148,8 +148,8 @@ def test_modes_are_written_with_places_from_the_middle(structure, tmp_path):
         hertz = structure.angular_frequencies(2) / (2 * np.pi)
         np.testing.assert_allclose(read["frequency"], hertz[::-1])
         assert all(read[v].attrs["units"] and read[v].attrs["long_name"] for v in read.variables)
-    assert modes_of(structure, [1]).sizes["mode"] == 1
-    body, direct = read_body(path, [1, 2]), body_of(structure, "direct", [1, 2])
+    assert export_modes(structure, [1]).sizes["mode"] == 1
+    body, direct = read_body(path, [1, 2]), build_body(structure, "direct", [1, 2])
     for name in ("points", "normals", "frequencies"):
         np.testing.assert_allclose(getattr(body, name), getattr(direct, name), atol=1e-15)
     largest = np.max(np.abs(direct.shapes), axis=1, keepdims=True)  # a file knows markers alone

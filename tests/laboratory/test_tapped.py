@@ -13,7 +13,7 @@ from scipy.integrate import quad, solve_ivp
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of
 from thesis_lib.laboratory.render import BeamView, Sensor, collect_light
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.laboratory.tracking import tap_structure
+from thesis_lib.laboratory.tracking import add_impact
 from thesis_lib.measure.exchange.cameras import write_cameras
 from thesis_lib.measure.modes.identify import modal_assurance
 from thesis_lib.measure.pipeline import measure_recordings
@@ -33,7 +33,7 @@ def tapped(markers=None, **given):
     """The thesis's beam, tapped before three of the cameras of chapter 5, of 1280 × 720 px."""
     sensor = Sensor(exposure=1 / 1000, samples=3, shot=0.02, read=0.7)
     own = default_rig(BEAM, DIRECTIONS, size=(1280, 720), sensor=sensor, markers=markers)
-    return tap_structure(own, DAMPING, POINT, **given)
+    return add_impact(own, DAMPING, POINT, **given)
 
 
 def heard(times, seed):

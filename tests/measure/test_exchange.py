@@ -20,7 +20,7 @@ from thesis_lib.measure.exchange import files
 from thesis_lib.measure.exchange.cameras import describe_reused, read_cameras
 from thesis_lib.measure.exchange.history import time_histories
 from thesis_lib.measure.fitting.result import shape_result
-from thesis_lib.measure.pipeline import Recorded, measure_shape
+from thesis_lib.measure.pipeline import Inputs, measure_shape
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.report import animation, figures
@@ -290,7 +290,7 @@ def reported(tmp_path, monkeypatch):
     monkeypatch.setattr(
         figures, "collect_diagnostics", lambda *of: shown.append(collect(*of)) or shown[0]
     )
-    inputs = Recorded(sound, reused, tracks)
+    inputs = Inputs(sound, reused, tracks)
     page = measure_shape(manifest, tmp_path, inputs, tmp_path / "out", lambda line: None).page
     return page, shown[0]
 

@@ -10,7 +10,7 @@ import pytest
 from scenes import manifests
 
 from thesis_lib.measure.feasibility import assess
-from thesis_lib.measure.feasibility.prediction import noise_errors
+from thesis_lib.measure.feasibility.prediction import predict_noise_errors
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest import Manifest
@@ -164,14 +164,14 @@ def test_errors_are_those_of_noisy_images(conforms):
     noise *= sigma[:, None, None, None]
     Z = triangulate(P, project(P, some)[:, :, None] + noise)[2]
     every = np.ones((4, some.shape[1]), bool)
-    predicted = noise_errors(P, some, sigma, every)
+    predicted = predict_noise_errors(P, some, sigma, every)
     conforms.sampled(np.sqrt(np.mean(Z**2)), np.sqrt(np.mean(predicted**2)), rtol=0.05)
     conforms.sampled(Z.std(axis=0) / predicted, 1, atol=0.05)
     seen = every.copy()
     seen[2:, 0], seen[1:, 1] = False, False
-    partly = noise_errors(P, some, sigma, seen)
+    partly = predict_noise_errors(P, some, sigma, seen)
     conforms.invariance(
-        partly[0], noise_errors(P[:2], some[:, :1], sigma[:2], every[:2, :1])[0], rtol=1e-6
+        partly[0], predict_noise_errors(P[:2], some[:, :1], sigma[:2], every[:2, :1])[0], rtol=1e-6
     )
     assert np.isnan(partly[1])
     conforms.invariance(partly[2:], predicted[2:], rtol=1e-7)
@@ -198,7 +198,7 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     ratio = np.array(alike.fit) / alike.one_frame
     conforms.closed_form(ratio, np.sqrt(2 / 1200) / np.sinc(4.25 * 0.004), rtol=1e-7)
     conforms.closed_form(outlook.smallest_mm, 3 * outlook.fit[1], rtol=1e-6)
-    single = 1000 * noise_errors(
+    single = 1000 * predict_noise_errors(
         P, X, np.full(4, assess.CENTRE_NOISE_PX), np.ones((4, X.shape[1]), bool)
     )
     conforms.independent(outlook.one_frame, (np.sqrt(np.mean(single**2)), single.max()), rtol=1e-6)

@@ -9,7 +9,7 @@ import pytest
 from command import refusal, thesis
 from scenes.sounds import append_sony_rate
 
-from thesis_lib.measure.recordings.manifest import read_manifest, shot_paths
+from thesis_lib.measure.recordings.manifest import image_paths, read_manifest
 from thesis_lib.measure.recordings.media import write_video
 
 
@@ -46,7 +46,7 @@ def test_any_name_that_a_disk_allows_is_read_back(tmp_path, video, monkeypatch):
     assert len({camera.name for camera in manifest.cameras}) == len(NAMES)
     for camera in manifest.cameras:
         stem = camera.video.removesuffix(".mov")
-        found = [path.name for path in shot_paths(camera, folder) if path]
+        found = [path.name for path in image_paths(camera, folder) if path]
         assert found == [f"{stem}-{k}.png" for k in range(3)], camera.video
 
 

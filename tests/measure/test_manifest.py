@@ -10,9 +10,9 @@ from thesis_lib.facts import setups
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.recordings.manifest import (
     ManifestError,
+    image_paths,
     read_manifest,
     rename_options,
-    shot_paths,
     write_manifest,
 )
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
@@ -164,10 +164,10 @@ def test_a_list_of_shots_may_have_gaps(recordings):
     shots = ["shots/A/0.png", None, *[f"shots/A/{k}.png" for k in range(2, 12)]]
     values = change(plain(), "cameras.0.board_images", shots)
     manifest = read_manifest(written(recordings, values))
-    paths = shot_paths(manifest.cameras[0], recordings)
+    paths = image_paths(manifest.cameras[0], recordings)
     assert paths[1] is None
     assert paths[2] == recordings / "shots/A/2.png"
-    names = [path.name for path in shot_paths(manifest.cameras[1], recordings)]
+    names = [path.name for path in image_paths(manifest.cameras[1], recordings)]
     assert names == [f"{k}.png" for k in range(12)]  # in the order of their numbers
 
 

@@ -237,7 +237,7 @@ def test_the_cameras_are_where_they_were(conforms, data, rig):
 def test_rendered_and_measured_now_it_is_what_is_kept_for_the_book(tmp_path):
     """But for last digits, which another processor has otherwise."""
     now = record.measure_recording(write_example(tmp_path / "example", str), tmp_path / "steps")
-    data = record.read_sample()
+    data = record.read_example()
     assert set(now.variables) == set(data.variables)
     error = data["standard_error"].values
     far = np.abs(now["deflection"].values - data["deflection"].values) / error

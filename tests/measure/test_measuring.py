@@ -6,7 +6,7 @@ import pyuff
 import xarray as xr
 
 from thesis_lib.measure.exchange import files
-from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase_advance
+from thesis_lib.measure.fitting.frequency import FrequencyError, phase_advance, search_frequency
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, fit_parts, noise_near
 from thesis_lib.measure.fitting.result import candidate_modes, scale_model
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
@@ -64,14 +64,14 @@ def test_markers_that_a_codec_repeats_are_no_noise(conforms, tmp_path):
 @pytest.mark.parametrize(("frequency", "rates"), [(4.25, (60.0, 60.0)), (7.3, (50.0, 60.0, 120.0))])
 def test_an_unknown_frequency_is_found(conforms, tmp_path, frequency, rates):
     recordings = tracks(tmp_path, frequency, rates=rates)
-    conforms.closed_form(look_for(recordings, 0.3, 4.0), frequency, atol=2e-3)
+    conforms.closed_form(search_frequency(recordings, 0.3, 4.0), frequency, atol=2e-3)
 
 
 def test_noise_alone_has_no_frequency(tmp_path):
     with pytest.raises(FrequencyError, match=r"no one frequency .* excitation\.frequency_hz"):
-        look_for(tracks(tmp_path, 5.0, size=0.0, noise=0.1), 0.2, 4.0)
+        search_frequency(tracks(tmp_path, 5.0, size=0.0, noise=0.1), 0.2, 4.0)
     with pytest.raises(FrequencyError, match="too short"):
-        look_for(tracks(tmp_path, 5.0, seconds=0.3), 0.14, 0.2)
+        search_frequency(tracks(tmp_path, 5.0, seconds=0.3), 0.14, 0.2)
 
 
 @pytest.mark.parametrize("frequency", [4.25, 110.8])  # the second is folded to 9.2 Hz

@@ -12,11 +12,16 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.measure.fitting.frequency import phase_lags
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, rest_of
-from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes, modal_assurance
+from thesis_lib.measure.modes.identify import (
+    ModalError,
+    ModeRequest,
+    identify_modes,
+    modal_assurance,
+)
 from thesis_lib.measure.modes.poles import block_of, fit_poles
 from thesis_lib.measure.modes.shapes import estimate_shapes, without_outliers
-from thesis_lib.measure.pipeline import Recorded, measure_modes
-from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation, Sought
+from thesis_lib.measure.pipeline import Inputs, measure_modes
+from thesis_lib.measure.recordings.manifest_parts import Excitation, ModeSearch, Radiation
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.warnings import check_modes
 from thesis_lib.studies.cubes import complex_of
@@ -42,7 +47,7 @@ def truth_at_zero(found, truth):
 def decay():
     """Three modes of the beam, by four cameras with unlike rates and rolling shutters."""
     truth = beam_modes()
-    return truth, identify_modes(tracks(RIG, truth, lost=0.01), REST, Asked(BAND, 3))[0]
+    return truth, identify_modes(tracks(RIG, truth, lost=0.01), REST, ModeRequest(BAND, 3))[0]
 
 
 def test_assurance_of_two_modes_is_over_the_markers_known_in_both():
@@ -96,7 +101,9 @@ def test_markers_taken_for_their_neighbours_are_left_out_and_told():
     for k in range(0, len(wrong), 10):
         wrong[k][:, here], wrong[k][:, there] = first.uv[k][:, there], first.uv[k][:, here]
         rows[k][here], rows[k][there] = first.rows[k][there], first.rows[k][here]
-    found, _ = identify_modes([replace(first, uv=wrong, rows=rows), *others], REST, Asked(BAND, 3))
+    found, _ = identify_modes(
+        [replace(first, uv=wrong, rows=rows), *others], REST, ModeRequest(BAND, 3)
+    )
     np.testing.assert_allclose(found["left_out"], [0.1 * 20 / 75, 0, 0, 0], atol=2e-3)
     np.testing.assert_allclose(found["damping"], truth.damping, rtol=0.05)
     assert min(similarity(found, truth)) > 0.999
@@ -154,7 +161,7 @@ def with_losses(clean, seed, share, fastest=False):
 def standardised(truth, draws, share, fastest=False):
     """Errors over their standard errors: frequency, damping, scale (draws, modes), and shapes."""
     own, still = rig(3), rest(rig(3))
-    asked, found = Asked((2.0, 30.0), len(truth.frequency)), []
+    asked, found = ModeRequest((2.0, 30.0), len(truth.frequency)), []
     for seed in range(draws):
         if seed % 10 == 0:  # cameras start at other times
             clean = tracks(own, truth, 4.0, UNLIKE, noise=0.0, seed=seed)
@@ -207,7 +214,7 @@ def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping()
     """e^{−αt} fitted to e^{−(α + δ)t}, ∞ long: its size is off by δ / 2α, and ζ by δ / α."""
     own = rig(3)
     seen = tracks(own, decaying(0.05), 4.0, UNLIKE)
-    found, _ = identify_modes(seen, rest(own), Asked((2.0, 30.0), 1))
+    found, _ = identify_modes(seen, rest(own), ModeRequest((2.0, 30.0), 1))
     expected = found["damping_deviation"] / (2 * found["damping"])
     np.testing.assert_allclose(found["scale_deviation"], expected, rtol=0.06)
 
@@ -216,7 +223,7 @@ def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping()
 def test_starts_that_are_off_are_found_beyond_a_period():
     truth = beam_modes()
     late = (0.0, 0.012, -0.003, 0.0)
-    found, _ = identify_modes(tracks(RIG, truth, off=late), REST, Asked(BAND, 3))
+    found, _ = identify_modes(tracks(RIG, truth, off=late), REST, ModeRequest(BAND, 3))
     np.testing.assert_allclose(-found["lag"], late, atol=1e-4)
     assert min(similarity(found, truth)) > 0.999
 
@@ -225,7 +232,7 @@ def test_starts_that_are_off_are_found_beyond_a_period():
 def test_cameras_out_of_step_tell_an_alias():
     """110.8 Hz shows at 9.2 Hz in all of them."""
     truth = beam_modes()
-    found, _ = identify_modes(tracks(RIG, truth, rates=(60.0,) * 4), REST, Asked(BAND, 3))
+    found, _ = identify_modes(tracks(RIG, truth, rates=(60.0,) * 4), REST, ModeRequest(BAND, 3))
     np.testing.assert_allclose(found["frequency"], truth.frequency, rtol=1e-3)
     alias = fold_frequency(float(found["rival"][2]), 60.0)
     assert alias == pytest.approx(120 - truth.frequency[2], rel=1e-2)
@@ -236,7 +243,7 @@ def test_modes_that_are_given_are_not_taken_for_their_aliases():
     """To two cameras whose starts are off, an alias of a given mode may seem more in step."""
     own, truth = rig(2), beam_modes((0.01, 0.006), (2e-3, 1e-3j))
     seen = tracks(own, truth, 1.5, (60.0, 60.0), off=(0.0, 0.012))
-    asked = Asked(BAND, given=tuple(truth.frequency))
+    asked = ModeRequest(BAND, given=tuple(truth.frequency))
     found, _ = identify_modes(seen, rest(own), asked)
     np.testing.assert_allclose(found["frequency"], truth.frequency, rtol=2e-3)
 
@@ -250,7 +257,7 @@ def test_steady_tones_at_unlike_clocks():
     truth = Truth(np.array([7.3, 43.1]), np.zeros(2), mixed)
     seen = tracks(RIG, truth, seconds=12)
     fast = [replace(seen[0]), replace(seen[1], times=seen[1].times * (1 + 4e-5)), *seen[2:]]
-    found, _ = identify_modes(fast, REST, Asked((2.0, 60.0), damped=False))
+    found, _ = identify_modes(fast, REST, ModeRequest((2.0, 60.0), damped=False))
     np.testing.assert_allclose(found["frequency"], truth.frequency, rtol=1e-5)
     assert np.all(found["damping"] == 0)
     assert min(similarity(found, truth)) > 0.9999
@@ -260,7 +267,7 @@ def test_steady_tones_at_unlike_clocks():
 @pytest.mark.slow
 def test_modes_that_are_not_asked_for_by_number_stand_out(decay):
     truth, _ = decay
-    found, _ = identify_modes(tracks(RIG, truth, seconds=3), REST, Asked(BAND))
+    found, _ = identify_modes(tracks(RIG, truth, seconds=3), REST, ModeRequest(BAND))
     assert len(found["frequency"]) == 3
     assert found["after"].max() < 6 < 100 < found["before"].max()
 
@@ -268,7 +275,7 @@ def test_modes_that_are_not_asked_for_by_number_stand_out(decay):
 def test_curvature_of_images_is_no_mode():
     """A large motion alone: its double frequency, which rows and perspective add, is left out."""
     truth = beam_modes(damping=(0.005,), amplitude=(6e-3,))
-    found, _ = identify_modes(tracks(RIG, truth, noise=0.005), REST, Asked((2.0, 30.0), 1))
+    found, _ = identify_modes(tracks(RIG, truth, noise=0.005), REST, ModeRequest((2.0, 30.0), 1))
     assert found["after"].max() < 6
     assert float(found["noise"]) == pytest.approx(0.005, rel=0.05)
 
@@ -276,14 +283,14 @@ def test_curvature_of_images_is_no_mode():
 @pytest.mark.parametrize(
     ("truth", "change", "asked", "told"),
     [
-        (beam_modes(amplitude=(0, 0, 0)), list, Asked(BAND, 2),
+        (beam_modes(amplitude=(0, 0, 0)), list, ModeRequest(BAND, 2),
          r"no mode from 2 to 130 Hz stands out.*tap or drive"),
-        (beam_modes(), list, Asked(BAND, given=(10.0, 10.1)),
+        (beam_modes(), list, ModeRequest(BAND, given=(10.0, 10.1)),
          r"0.1 Hz apart, and 1.\d+ s .* film 10 s or more"),
         (beam_modes(),
          lambda seen: [replace(own, times=own.times[:20], uv=own.uv[:20], rows=own.rows[:20])
                        for own in seen],
-         Asked(BAND),
+         ModeRequest(BAND),
          "8 modes need 36: ask for fewer modes, or film longer"),
     ],
 )  # fmt: skip
@@ -295,7 +302,9 @@ def test_tracks_that_do_not_tell_what_is_asked_are_refused(truth, change, asked,
 def test_a_neighbour_that_is_too_near_leaves_power_beside_its_mode():
     form = beam_modes(damping=(0.0, 0.0), amplitude=(1e-3, 1e-3)).shape
     pair = Truth(np.array([20.0, 20.3]), np.zeros(2), form)
-    found, _ = identify_modes(tracks(RIG, pair, seconds=2), REST, Asked(BAND, 1, damped=False))
+    found, _ = identify_modes(
+        tracks(RIG, pair, seconds=2), REST, ModeRequest(BAND, 1, damped=False)
+    )
     assert found["beside"][0] > 30
 
 
@@ -305,7 +314,7 @@ def test_errors_hold_what_a_mode_that_is_not_fitted_does():
     both = Truth(np.array([20.0, 20.8]), np.zeros(2), np.array([one, 0.1 * one]))
     first = Truth(both.frequency[:1], both.damping[:1], both.shape[:1])
     alone, pair = (
-        identify_modes(tracks(RIG, truth, seconds=3), REST, Asked(BAND, 1, damped=False))[0]
+        identify_modes(tracks(RIG, truth, seconds=3), REST, ModeRequest(BAND, 1, damped=False))[0]
         for truth in (first, both)
     )
     off = np.abs(pair["frequency"][0] - 20.0)
@@ -353,7 +362,7 @@ def measured(folder, told):
     manifest = manifest.model_copy(update={"radiation": Radiation(points_mm=((0, 0, 800),))})
     sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
     calibration, said, out = calibration_of(recordings), [], folder / "out"
-    inputs = Recorded(sound, known(calibration) if told else calibration, recordings)
+    inputs = Inputs(sound, known(calibration) if told else calibration, recordings)
     page = measure_modes(manifest, inputs, out, said.append).page
     return manifest, page, said, out
 
@@ -370,10 +379,10 @@ def test_motion_beside_modes_has_the_corrected_starts(conforms, tmp_path):
     truth = beam_modes((0.01,), (2e-3,))
     recordings, manifest = recorded(tmp_path, RIG, truth, rates=(60.0, 50.0, 59.94, 60.0))
     recordings[1] = replace(recordings[1], delay=recordings[1].delay + 0.008)
-    asked = {"modes": Sought(to_hz=12.0, count=1)}
+    asked = {"modes": ModeSearch(to_hz=12.0, count=1)}
     driven = manifest.excitation.model_copy(update=asked)
     sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
-    inputs = Recorded(sound, calibration_of(recordings), recordings)
+    inputs = Inputs(sound, calibration_of(recordings), recordings)
     one = manifest.model_copy(update={"excitation": driven})
     measure_modes(one, inputs, tmp_path / "out", lambda line: None)
     moved = xr.load_dataset(tmp_path / "out" / "motion.nc").sel(time=slice(0.7, 3.0), axis="z")

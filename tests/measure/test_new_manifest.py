@@ -13,7 +13,7 @@ from thesis_lib.files import project_root
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.feasibility.prediction import draft_manifest
-from thesis_lib.measure.recordings.manifest import read_manifest, shot_paths, write_manifest
+from thesis_lib.measure.recordings.manifest import image_paths, read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.report.animation import write_mp4
 from thesis_lib.measure.report.figures import draw_prediction
@@ -68,7 +68,7 @@ def test_images_of_a_camera_with_a_longer_name_are_not_taken(folder):
         cv2.imwrite(str(folder / "shots" / f"{name}.jpg"), picture)
     assert thesis("measure", "--new", folder).status == 0
     cameras = read_manifest(folder / "manifest.yaml", check_files=False).cameras
-    shots = {camera.name: shot_paths(camera, folder) for camera in cameras}
+    shots = {camera.name: image_paths(camera, folder) for camera in cameras}
     assert shots["right"] == [folder / "shots" / f"right-{k}.jpg" for k in range(4)]
     assert shots["right-2"] == [folder / "shots" / f"right-2-{k}.jpg" for k in range(3)]
 
@@ -139,7 +139,7 @@ def test_where_no_hole_tells_the_ends_corners_are_asked_for(folder):
     assert str(folder / "corners.html") in line
     assert (folder / "corners.html").is_file()
     text = (folder / "manifest.yaml").read_text(encoding="utf-8")
-    assert text.count("    corners_px: null  # CHECK: where the structure's corners lie") == 2
+    assert text.count("    corners_px: null  # CHECK: ") == 2
     (folder / "manifest.yaml").unlink()
     done = thesis("measure", "--new", folder)  # the thesis's beam has a hole
     assert "corners_px" not in done.out + (folder / "manifest.yaml").read_text(encoding="utf-8")

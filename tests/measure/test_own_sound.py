@@ -103,10 +103,10 @@ def test_standard_errors_are_the_scatter_of_measurements(kind, conforms):
     """Of 200 measurements that are drawn, all numbers err by what they say."""
     places, radius = SURFACE.places, 0.0005
     if kind == "model":
-        own = radiated.by_model(PLATE, PLATE.markers, radius, places)
+        own = radiated.fit_model(PLATE, PLATE.markers, radius, places)
     else:
         held = radiated.edge_places(OUTLINE, [0, 1, 2, 3], 0.07)
-        own = radiated.by_spline(PLATE.markers, held, places)
+        own = radiated.fit_spline(PLATE.markers, held, places)
 
     power, plain = (of(own.moving, OMEGA) for of in (SURFACE.power_form, SURFACE.plane_wave_form))
     rows = SURFACE.pressure_matrix(own.moving, POINTS, OMEGA)
@@ -194,12 +194,12 @@ def test_another_shape_than_the_models_is_left_to_the_spline():
 def test_a_spline_holds_planes_and_edges_at_rest(conforms):
     markers = PLATE.markers
     plane = 1 + 2 * markers[0] - markers[1]
-    free = radiated.by_spline(markers, np.empty((2, 0)), SURFACE.places)
+    free = radiated.fit_spline(markers, np.empty((2, 0)), SURFACE.places)
     x, y = SURFACE.places
     conforms.closed_form(free.moving @ plane, 1 + 2 * x - y, rtol=1e-9)
     held = radiated.edge_places(np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]]), [3], 0.05)
     conforms.closed_form(held[0], 0 * held[0], atol=1e-12)
-    still = radiated.by_spline(markers, held, held).moving @ plane
+    still = radiated.fit_spline(markers, held, held).moving @ plane
     conforms.closed_form(still, 0 * still, atol=1e-9)
 
 
@@ -276,7 +276,7 @@ def test_powers_of_tones_add_up_and_their_common_errors_too(steady, conforms):
 @pytest.mark.nightly
 def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms, monkeypatch):
     """Of 60 that are drawn. A decay that is taken for too fast began too large."""
-    monkeypatch.setattr(radiated, "SURFACE_NODES", 200)
+    monkeypatch.setattr(radiated, "MIN_SURFACE_NODES", 200)
     monkeypatch.setattr(radiated, "SCREEN_CELLS", (40, 20))
     draw, said = np.random.default_rng(5), manifest()
     rows = {"band_power": [], "energy": []}

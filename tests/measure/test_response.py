@@ -16,10 +16,10 @@ from sdypy import EMA
 
 from thesis_lib.measure.exchange.cameras import read_cameras
 from thesis_lib.measure.modes.identify import modal_assurance
-from thesis_lib.measure.pipeline import Recorded, measure_motion
+from thesis_lib.measure.pipeline import Inputs, measure_motion
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.recordings.manifest_parts import Excitation, Force, Sought, Sweep
+from thesis_lib.measure.recordings.manifest_parts import Excitation, Force, ModeSearch, Sweep
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings
@@ -46,7 +46,9 @@ class Scene:
         """The manifest with a kind of excitation, and fields of the force."""
         at = tuple(1e3 * x for x in self.truth.place)
         given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.5, "at_mm": at}
-        driven = Excitation(kind=kind, rest_duration_s=0.45, sound="room", modes=modes or Sought())
+        driven = Excitation(
+            kind=kind, rest_duration_s=0.45, sound="room", modes=modes or ModeSearch()
+        )
         changed = {"excitation": driven, "force": Force(**given | force)}
         return self.manifest.model_copy(update=changed)
 
@@ -108,7 +110,7 @@ def test_a_band_is_known_between_uneven_stamps_rows_and_exposures(share):
     late, exposure, f = np.array([0.0, 0.005, -0.006]), 1 / 100, 60 * share
     tone = np.sinc(f * exposure) * np.sin(2 * np.pi * f * (times[:, None] + late))
     wanted = np.arange(1.0, 14.0, 1 / 47)
-    found = signals.at_times(times, tone, 60.0, wanted, late, exposure)
+    found = signals.interpolate_band(times, tone, 60.0, wanted, late, exposure)
     true = np.sin(2 * np.pi * f * wanted)[:, None] * np.ones(3)
     np.testing.assert_allclose(found, true, atol=0.015)
 
@@ -118,7 +120,7 @@ def test_missing_samples_are_bridged_and_gaps_are_told():
     values = np.sin(2 * np.pi * 5 * times)[:, None] * np.ones(2)
     values[300, 0] = np.nan
     values[100:140, 1] = np.nan
-    found = signals.at_times(times, values, 60.0, times)
+    found = signals.interpolate_band(times, values, 60.0, times)
     np.testing.assert_allclose(found[295:305, 0], np.sin(2 * np.pi * 5 * times[295:305]), atol=0.1)
     assert np.isnan(found[110:130, 1]).all()
     assert np.isfinite(found[:, 0]).all()
@@ -131,7 +133,7 @@ def test_values_beyond_the_last_sample_that_is_there_are_unknown(lost, late):
     values = np.cos(2 * np.pi * 5 * (times + late))[:, None] * np.ones(2)
     values[-lost:, 0] = values[:lost, 1] = np.nan
     wanted = times[1:]
-    found = signals.at_times(times, values, 60.0, wanted, late)
+    found = signals.interpolate_band(times, values, 60.0, wanted, late)
     there = wanted <= times[-lost - 1] + late + 1e-9, wanted >= times[lost] + late - 1e-9
     np.testing.assert_array_equal(np.isfinite(found), np.stack(there, axis=1))
     true = np.cos(2 * np.pi * 5 * wanted)[:, None] * np.ones(2)
@@ -265,7 +267,7 @@ def test_a_sweep_is_found_in_the_force():
 def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, averaged):
     """As far apart after half a minute as by 30 ppm after five; and a start 4 ms late."""
     middle, fast = float(driven.recordings[0].times.mean()), 3e-4
-    wrong = [own.paced(1 + fast * k / 2, middle) for k, own in enumerate(driven.recordings)]
+    wrong = [own.scale_clock(1 + fast * k / 2, middle) for k, own in enumerate(driven.recordings)]
     wrong[3] = replace(wrong[3], delay=wrong[3].delay - 0.004)
     manifest = driven.asked(segment_s=5.0)
     right, data = averaged, replace(driven, recordings=wrong).responded(manifest)
@@ -322,7 +324,9 @@ def test_the_momentum_of_a_tap_in_a_table_is_kept(tmp_path, rate, at_s):
     manifest = manifest_for(tmp_path, file="tap.csv", full_scale_n=None)
     found = signals.read_force(manifest, tmp_path, np.zeros(2))
     assert rate > 1000 or np.array_equal([found.times, found.newtons], [t, tap])
-    picked = signals.at_times(found.times, found.newtons[:, None], found.rate, np.arange(150) / 80)
+    picked = signals.interpolate_band(
+        found.times, found.newtons[:, None], found.rate, np.arange(150) / 80
+    )
     assert picked.sum() / 80 == pytest.approx(2 * length_s / np.pi, rel=0.02)
 
 
@@ -419,7 +423,7 @@ def read_curves(folder):
 
 @pytest.mark.nightly
 def test_curves_go_to_a_report_and_files(driven, tmp_path):
-    of, said = Recorded(SILENT, calibration_of(driven.recordings), driven.recordings), []
+    of, said = Inputs(SILENT, calibration_of(driven.recordings), driven.recordings), []
     page = measure_motion(driven.asked(), driven.folder, of, tmp_path, said.append)
     assert page.page.count("<figure>") == 3
     assert said[2].startswith("receptance of 75 markers from 2")
@@ -446,8 +450,8 @@ def tapped(tmp_path_factory):
     rates = (170.0, 160.0, 169.83, 160.0)
     own = scene(folder, pulse, damping, 5.5, 0.002, rates=rates, place=(0.3, 0.015))
     sound = SILENT.assign(steady=("end", [0.52, 5.5]))
-    of, out = Recorded(sound, calibration_of(own.recordings), own.recordings), folder / "out"
-    manifest = own.asked("free_decay", Sought(to_hz=60.0, count=2))
+    of, out = Inputs(sound, calibration_of(own.recordings), own.recordings), folder / "out"
+    manifest = own.asked("free_decay", ModeSearch(to_hz=60.0, count=2))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(animation, "write_shape", lambda *_: None)  # what takes most of the time
         measure_motion(manifest, folder, of, out, lambda _: None)

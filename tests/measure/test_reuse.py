@@ -24,7 +24,7 @@ from thesis_lib.measure.exchange.cameras import (
     describe_reused,
     read_cameras,
     reuse_calibration,
-    to_keep,
+    select_reusable,
 )
 from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
@@ -201,7 +201,7 @@ def test_errors_go_with_their_cameras(tmp_path):
     whole = [replace(one, name=name) for one, name in zip(CAMERAS, "ABCD", strict=True)]
     draw = np.random.default_rng(0).standard_normal((56, 80))
     known = describe_reused(whole, draw @ draw.T)
-    storage.write_netcdf(to_keep(known), tmp_path / "calibration.nc")
+    storage.write_netcdf(select_reusable(known), tmp_path / "calibration.nc")
     assert_same(read_cameras(tmp_path), whole)
     files = [{"name": name, "video": f"{name}.mkv", "exposure_s": 0.001} for name in "CA"]
     given = {"cameras": files, "calibration": "calibration.nc"}
@@ -213,7 +213,7 @@ def test_errors_go_with_their_cameras(tmp_path):
     own = draw[np.r_[poses, lenses]]
     np.testing.assert_allclose(found.covariance, own @ own.T, rtol=1e-12)
     untold = known.assign(focal_deviation=known["focal_deviation"] * np.nan)
-    storage.write_netcdf(to_keep(untold), tmp_path / "calibration.nc")
+    storage.write_netcdf(select_reusable(untold), tmp_path / "calibration.nc")
     assert reuse_calibration(manifest, tmp_path).covariance is None
 
 
@@ -240,7 +240,7 @@ def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
         ]
         full = adjust_bundle(uv, points, lenses, lenses=False)
         own = uncertainty.jackknife_cameras(uv, points, full)
-        whole = uncertainty.with_lenses(uv, points, full, held, own.covariance)
+        whole = uncertainty.add_lens_covariance(uv, points, full, held, own.covariance)
         errors.append(differences(full.cameras, CAMERAS)[8 * n :])
         said.append(deviations_of(replace(own, covariance=whole))[8 * n :])
         alone.append(deviations_of(own)[8 * n :])

@@ -12,7 +12,7 @@ from scenes.sounds import HeldSound, claps, later
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.synchronisation.alone import synchronise_videos
-from thesis_lib.measure.synchronisation.drift import beside_first, drift_of
+from thesis_lib.measure.synchronisation.drift import estimate_drifts, fit_drift
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 
 RATE = 16000
@@ -57,7 +57,7 @@ def test_a_sound_that_starts_a_minute_late_is_found_at_any_rate(conforms, rate):
     sound = 0.02 * np.clip(loud, 0, 10) * rng.standard_normal(len(loud))
     heard = sound, sound[60 * rate : 85 * rate]
     sources = [HeldSound(str(k), None, None, one, rate) for k, one in enumerate(heard)]
-    conforms.closed_form(beside_first(sources, {1: None})[1].delay, 60, atol=2e-5)
+    conforms.closed_form(estimate_drifts(sources, {1: None})[1].delay, 60, atol=2e-5)
 
 
 @pytest.mark.nightly
@@ -67,7 +67,7 @@ def test_standard_errors_of_drifts_are_their_scatter(conforms):
         sound = claps(seed)
         one = later(sound, 0.1, 10, seed=seed + 100)
         other = later(sound, 0.4, 10, fast=15e-6, seed=seed + 200)
-        found = drift_of(one, other, RATE, (0.0, 0.0), 0.3)
+        found = fit_drift(one, other, RATE, (0.0, 0.0), 0.3)
         off.append([(found.drift - 15e-6) / found.drift_deviation,
                     (found.delay - 0.3) / found.delay_deviation])  # fmt: skip
     conforms.sampled(np.sqrt(np.mean(np.square(off))), 1.0, atol=0.35)

@@ -113,7 +113,7 @@ def test_markers_near_both_edges_of_a_narrow_strip_are_found(conforms, width):
     motion = Motion(strip, (Component(),), 0.0, 0.25)
     frames = filmed(at, times, motion, markers)
     corners = pinhole.project_points(at, on_surface(markers.extent, markers.corners))
-    view = homography.view_of(at, markers, pinhole.undistort_pixels(at, corners))
+    view = homography.corner_view(at, markers, pinhole.undistort_pixels(at, corners))
     found = tabulated(frames, sharpen_view(frames[0], view))
     conforms.closed_form(found, truth(at, times, motion, markers), atol=0.02)
 
@@ -341,10 +341,10 @@ def test_pictures_that_do_not_show_the_beam_are_refused(rest):
     hole = painted(image, hole_px(at), 5, 200)
     assert "the hole is not seen" in refusal(homography.find_view, hole, at, MARKERS)
     blank = np.where(image > 60, 200, image).astype(np.uint8)
-    message = refusal(sharpen_view, blank, homography.view_of(at, MARKERS, corners(at)))
+    message = refusal(sharpen_view, blank, homography.corner_view(at, MARKERS, corners(at)))
     assert "of 76 markers" in message
     bow = np.array([[100, 1800, 100, 1800], [100, 900, 900, 100]])
-    message = refusal(sharpen_view, image, homography.view_of(at, MARKERS, bow))
+    message = refusal(sharpen_view, image, homography.corner_view(at, MARKERS, bow))
     assert message.startswith("camera A: ")
 
 
@@ -358,7 +358,7 @@ def test_pictures_that_do_not_show_the_beam_are_refused(rest):
 )
 def test_markers_of_another_grid_are_refused(rest, wrong, said):
     at, image, _, _ = rest
-    view = homography.view_of(at, wrong, corners(at))
+    view = homography.corner_view(at, wrong, corners(at))
     message = refusal(sharpen_view, image, view)
     assert message.startswith("camera A: ")
     assert said in message
@@ -465,7 +465,7 @@ def test_a_homography_is_found_from_points_some_of_them_missing(conforms):
 
 def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     at, _, _, _ = rest
-    view = homography.view_of(at, MARKERS, corners(at))
+    view = homography.corner_view(at, MARKERS, corners(at))
     plane = np.random.default_rng(0).uniform([[0], [0]], [[0.6], [0.03]], (2, 30))
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
     conforms.independent(view.to_image(plane), pinhole.project_points(at, world), atol=1e-3)

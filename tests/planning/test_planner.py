@@ -22,7 +22,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning import errors, positions, report, search, structure_file
 from thesis_lib.planning.planner import CAMERA_COLUMNS, ImpossibleError, pareto, plan
-from thesis_lib.planning.report import PLAN_FILES, study_of, write_plan
+from thesis_lib.planning.report import PLAN_FILES, format_study_command, write_plan
 from thesis_lib.planning.request import plan_request
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision.pinhole import hemisphere_cameras, hemisphere_directions, project
@@ -68,7 +68,7 @@ def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
     conforms, azimuth, elevation, low, high
 ):
     scene = scene_of(plate(), peak=5e-3, tilt=np.pi)
-    layout = positions.places_at(
+    layout = positions.combine_positions(
         np.radians([[azimuth, elevation], [-azimuth, elevation]]), 1.0, 24 / 36
     )
     law = errors.average_predicted(scene, layout, 640)
@@ -241,7 +241,7 @@ def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
                             "estimator": "analytic-centre"})  # fmt: skip
     made = plan(request)
     best_ = made.options[made.chosen]
-    words = study_of(request, best_.layout, best_.resolution)
+    words = format_study_command(request, best_.layout, best_.resolution)
     assert words.startswith("thesis run beam-arrays")
     values = dict(word.partition("=")[::2] for word in shlex.split(words)[4::2])
     estimator = {"estimator": values.pop("estimator")}
@@ -252,7 +252,7 @@ def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     drawn = cube["mean_error"][-1].values[:, 1:]  # the same draws, angles to 0.001° apart
     conforms.independent(np.sqrt(np.mean(drawn**2, axis=1)), best_.simulated, rtol=3e-3)
     partly = request.model_copy(update={"in_view": 0.5})
-    assert study_of(partly, best_.layout, best_.resolution) == ""
+    assert format_study_command(partly, best_.layout, best_.resolution) == ""
 
 
 # Structures from files.
@@ -361,7 +361,7 @@ def test_a_small_file_that_would_fill_the_memory_is_refused(tmp_path):
     huge = {"shape": (10**12,), "dtype": "f8", "chunks": (2**20,), "compression": "gzip"}
     with h5py.File(path, "a") as file:
         file.create_dataset("x", **huge).make_scale("x")
-    with pytest.raises(structure_file.MeshError, match=r"8e\+06 MB, but the markers"):
+    with pytest.raises(structure_file.StructureFileError, match=r"8e\+06 MB, but the markers"):
         structure_file.read_body(path, [1])
     path = written(tmp_path, strip())
     with h5py.File(path, "a") as file:  # what is of no use here is left alone

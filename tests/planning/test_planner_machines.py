@@ -116,7 +116,7 @@ def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
 def test_markers_are_visible_whose_images_are_in_the_picture_and_read(name):
     scene, rng = SCENES[name], np.random.default_rng(0)
     grid = np.column_stack([rng.uniform(-np.pi, np.pi, 500), rng.uniform(0.1, 1.5, 500)])
-    some = positions.places_at(grid, rng.uniform(0.4, 1.5, 500), scene.focals[0])
+    some = positions.combine_positions(grid, rng.uniform(0.4, 1.5, 500), scene.focals[0])
     rig = positions.place_cameras(scene, some)
     ends = scene.body.extremes(scene.peaks)
     u, v = np.moveaxis(project(rig.P, ends), 1, 0)

@@ -117,7 +117,7 @@ def test_mirrored_layouts_sound_alike(conforms, request_):
 def test_cameras_that_stand_square_are_moved_and_keep_the_rules(conforms, request_):
     scene, sounds = request_.scene(), request_.sounds
     distances = positions.nearest_distances(scene, SQUARE[:, :2], 24 / 36)
-    start = positions.places_at(SQUARE[:, :2], distances, 24 / 36)
+    start = positions.combine_positions(SQUARE[:, :2], distances, 24 / 36)
     found = sound.move_cameras(sounds, scene, start, 320)
     assert positions.is_allowed(scene, found)
     now, before = (sound.predict_sound_errors(sounds, scene, one, 320) for one in (found, start))

@@ -18,7 +18,7 @@ from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.recording_files import example_rig, manifest_of
 from thesis_lib.planning.request import PlanRequest, plan_request
-from thesis_lib.runs.command_line import parse_assignments, requests_of
+from thesis_lib.runs.command_line import build_requests, parse_assignments
 from thesis_lib.studies import storage
 from thesis_lib.text import RefusedError
 
@@ -92,7 +92,7 @@ def test_requests(place, name, given):
     if name.startswith("-"):
         return
     try:
-        requests_of([name], parse_assignments(given))
+        build_requests([name], parse_assignments(given))
     except RefusedError:
         refused(place, "run", name, *(word for one in given for word in ("-p", one)))
 

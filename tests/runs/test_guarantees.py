@@ -208,11 +208,11 @@ def test_an_edited_recording_makes_its_figure_set_and_the_ledger_stale(book, sta
 IN_TURNS = """
 import sys, time
 from pathlib import Path
-from thesis_lib.files import only_command
+from thesis_lib.files import lock_folder
 
 folder = Path(sys.argv[1])
 for _ in range(30):
-    with only_command(folder, wait=True):
+    with lock_folder(folder, wait=True):
         mine = folder / "mine"
         assert not mine.exists()
         mine.touch()

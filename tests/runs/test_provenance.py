@@ -93,7 +93,7 @@ def test_compact_cube_keeps_small_ones_exactly_and_large_ones_nearly(tmp_path, m
 
     Unknown values are included.
     """
-    monkeypatch.setattr(storage, "_STEPPED_BYTES", 0)
+    monkeypatch.setattr(storage, "MIN_QUANTISED_BYTES", 0)
     monkeypatch.setattr(storage, "_SMALL_BYTES", 1000)
     cube = cube_file.cube_of(validate_request("beam-distance", {"trials": 100}))
     fields = cube["measured_deflection"].isel(trial=0, drop=True)

@@ -12,7 +12,7 @@ from thesis_lib.measure.exchange.cameras import describe_reused
 from thesis_lib.measure.fitting.reconstruction import Rest, check_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Track
 from thesis_lib.measure.recordings.board import on_surface
-from thesis_lib.measure.recordings.manifest_parts import Excitation, Sought
+from thesis_lib.measure.recordings.manifest_parts import Excitation, ModeSearch
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import pinhole
@@ -106,7 +106,7 @@ def recorded(folder, own, truth, seconds=3, rates=RATES, noise=0.02):
         path, delay = folder / f"{k}.npy", float(before[0]) + 0.5
         np.save(path, np.concatenate([still + noise * drawn, moving]))
         found.append(Recording(track.camera, rates[k], delay, EXPOSURE, READOUT, path))
-    sought = Sought(to_hz=60.0, count=2)
+    sought = ModeSearch(to_hz=60.0, count=2)
     driven = Excitation(kind="free_decay", rest_duration_s=0.45, sound="room", modes=sought)
     return found, manifest_of(own).model_copy(update={"excitation": driven})
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from thesis_lib.facts import setups
 from thesis_lib.planning import positions
-from thesis_lib.planning.positions import Body, body_of
+from thesis_lib.planning.positions import Body, build_body
 
 NONE = {"boxes": np.zeros((0, 3, 2)), "spheres": np.zeros((0, 4)), "sectors": np.zeros((0, 4))}
 FREE = positions.Rules(  # which hold nothing back
@@ -21,7 +21,7 @@ def scene_of(body, focals=(24 / 36,), peak=1e-3, **changed):
 
 
 def plate(modes=(1, 2)):
-    return body_of(setups.thesis_plate((5, 4)), "plate", list(modes))
+    return build_body(setups.thesis_plate((5, 4)), "plate", list(modes))
 
 
 def body(name, points, normals, shape):

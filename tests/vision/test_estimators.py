@@ -8,8 +8,8 @@ from thesis_lib.vision.simulation import (
     CHECK_SIZE_PX,
     ESTIMATORS,
     deflection_errors,
-    over_layouts,
     random_hemisphere,
+    rms_over_layouts,
 )
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
@@ -55,7 +55,9 @@ def test_layouts_do_not_depend_on_how_many_there_are_or_on_noise(conforms):
 
 
 def test_errors_shrink_with_the_pixels(conforms):
-    coarse = over_layouts(deflection_errors([0.75] * 8, 40))
+    coarse = rms_over_layouts(deflection_errors([0.75] * 8, 40))
     size = (4 * CHECK_SIZE_PX[0], 4 * CHECK_SIZE_PX[1])
-    fine = over_layouts(deflection_errors([0.75] * 8, 40, focal_px=4 * 24 / 36 * 320, size=size))
+    fine = rms_over_layouts(
+        deflection_errors([0.75] * 8, 40, focal_px=4 * 24 / 36 * 320, size=size)
+    )
     conforms.order(coarse / fine, 4, rtol=0.1)

@@ -147,7 +147,7 @@ def test_pixels_that_contradict_the_noise_leave_least_squares(conforms):
     assert np.mean(lost == ~analytic_centre(P, uv).feasible) > 0.97
     least = triangulate(P, uv)[:, lost]
     conforms.invariance(clean.points[:, lost], least, atol=0)
-    expected = point_covariance(P, least, np.sqrt(1 / 12 + interval.LEAST_PX**2))
+    expected = point_covariance(P, least, np.sqrt(1 / 12 + interval.MIN_NOISE_PX**2))
     conforms.closed_form(clean.covariance[..., lost], expected, rtol=1e-9)
 
 

@@ -122,7 +122,7 @@ def test_joint_fallback_is_least_squares_frame_by_frame(conforms):
 def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_root(conforms):
     numbers = [4, 8, 16, 32, 64]
     drawn = [simulation.deflection_errors([0.75] * n, 480 // n, 100) for n in numbers]
-    errors = np.array([simulation.over_layouts(one) for one in drawn])
+    errors = np.array([simulation.rms_over_layouts(one) for one in drawn])
     _, least_squares, *centres = simulation.fit_exponent(numbers, errors)
     conforms.order(least_squares, -0.5, atol=0.05)
     conforms.order(centres, above=-1.0, below=-0.8)
@@ -140,7 +140,7 @@ def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_ro
 )  # fmt: skip
 def test_errors_are_those_of_an_independent_prototype(conforms, n, least_squares, centre, within):
     drawn = simulation.deflection_errors([0.75] * n, layouts=max(20, 480 // n))
-    found = 1e6 * simulation.over_layouts(drawn)
+    found = 1e6 * simulation.rms_over_layouts(drawn)
     conforms.independent(found[1:3], [least_squares, centre], rtol=within)
     conforms.independent(found[2] / found[1], centre / least_squares, atol=0.025)
     assert found[3] < found[2]
@@ -151,7 +151,7 @@ def test_pixel_noise_takes_the_gain_away(conforms):
     gain = []
     for noise in (0.0, 0.1, 0.3):
         errors = simulation.deflection_errors([0.75] * 12, 40, noise_px=noise)
-        _, least_squares, centre, _ = simulation.over_layouts(errors)
+        _, least_squares, centre, _ = simulation.rms_over_layouts(errors)
         gain.append(1 - centre / least_squares)
     conforms.sampled(gain[0], above=0.22)
     assert gain[0] > gain[1] > gain[2]

@@ -92,7 +92,7 @@ def _quote_claims(claims: tuple[Claim, ...], setting: setups.Setting, mode: int,
         + f" (figure {claim.figure} {claim.panel})"
         for claim in claims
         if (claim.mode, claim.quantity) == (mode, error)
-        and claim.speaks_of(setting.case, setting.value, setting.pair_order)
+        and claim.applies_to(setting.case, setting.value, setting.pair_order)
     )
 
 

@@ -125,7 +125,7 @@ class Claim:
         upper, lower = self.relation in ("max", "less_than"), self.relation == "min"
         return None if upper else self.low, None if lower else self.high
 
-    def speaks_of(self, case: str, value: float, pair_order: str) -> bool:
+    def applies_to(self, case: str, value: float, pair_order: str) -> bool:
         """Return whether the claim refers to a setting's case, varied value and order of pairs."""
         return (
             case == self.case
@@ -234,7 +234,7 @@ THESIS_RIG = setups.setup_table("experiment", "rig")
 
 
 @dataclass(frozen=True)
-class StatedNumber:
+class PrintedNumber:
     """One number that the thesis prints and that can be computed."""
 
     id: Text  #: Name
@@ -274,9 +274,9 @@ class StatedNumber:
         return float(CORRECT_VALUES[str(name)](*given))
 
 
-def read_numbers() -> list[StatedNumber]:
+def read_numbers() -> list[PrintedNumber]:
     """Read the printed numbers, from ``data/thesis/numbers.csv``, with checks of `read_rows`."""
-    return read_rows("numbers.csv", StatedNumber)
+    return read_rows("numbers.csv", PrintedNumber)
 
 
 def _interval(text: str) -> tuple[float, float]:

@@ -35,13 +35,13 @@ def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
     return style.figure_svg(draw_figure(cube, case, mode))
 
 
-def draw_picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
+def draw_named_figure(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
     """Draw a cube with the function `name` of its figure set's module `figures`.
 
     `which` are further arguments, such as a mode; the result is None for a mode that was not run.
     """
     of = str(cube.attrs["figure_set"])
-    with style.in_style(picture_style(of)):
+    with style.in_style(figure_style(of)):
         return getattr(figures_module(of), name)(cube, *which)
 
 
@@ -72,7 +72,7 @@ def read_captions(figure_set: str) -> dict[str, dict[str, str]]:
     return tomllib.loads(text).get(figure_set, {})
 
 
-def picture_style(figure_set: str) -> Mapping[str, Any]:
+def figure_style(figure_set: str) -> Mapping[str, Any]:
     """Return the Matplotlib parameters of a figure set, ``STYLE`` of its module `figures`."""
     return getattr(figures_module(figure_set), "STYLE", {})
 

@@ -17,7 +17,7 @@ from typing import Any
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies.fields import format_given, suggest_name
 from thesis_lib.studies.request import ParameterError, Study, validate_values
-from thesis_lib.text import listed, one_line
+from thesis_lib.text import format_list, one_line
 
 TITLES = {
     **{f"ch{number}": f"Chapter {number}" for number in (2, 3, 4, 5)},
@@ -54,7 +54,7 @@ def model_of(name: str) -> type[Study]:
         known = [*STUDIES, *CHAPTER_SETS]
         raise ParameterError(
             f"{one_line(name) or format_given(name)}: no such figure set"
-            f"{suggest_name(name, known)}; {here}{listed(known, 'thesis list')}"
+            f"{suggest_name(name, known)}; {here}{format_list(known, 'thesis list')}"
         )
     return STUDIES[name]
 

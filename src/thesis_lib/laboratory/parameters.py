@@ -117,7 +117,7 @@ class RenderedStudy(request.Study):
         return self.trials + 1
 
 
-class Repeated(RenderedStudy):
+class ReplicatedStudy(RenderedStudy):
     """A study with as many replicates as are stored, or as a request asks for."""
 
     repeats: Annotated[fields.Whole, Field(ge=1, le=1000)] | Literal["kept"] = "kept"

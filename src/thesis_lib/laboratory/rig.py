@@ -190,7 +190,7 @@ def derive_seed(seed: int, *what: object) -> int:
     return int.from_bytes(hashlib.sha256(repr((seed, *what)).encode()).digest()[:6], "big")
 
 
-def settle_rig(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
+def shorten_rig(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
     """Return the rig with a few frames at rest, then `frames` of the steady vibration.
 
     Camera i starts `offsets[i]` frame intervals after time 0.

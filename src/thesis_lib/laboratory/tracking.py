@@ -27,7 +27,7 @@ from thesis_lib.measure.fitting import harmonics as fits
 from thesis_lib.measure.fitting.reconstruction import Rest, check_frame, fit_grid, triangulate_seen
 from thesis_lib.measure.modes.shapes import Track
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
-from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
+from thesis_lib.measure.tracking.homography import TrackingError, View, corner_view, darken_markers
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.studies.workers import map_in_pairs
@@ -75,7 +75,7 @@ def true_centres(rig: Rig, station: Station, times: Array) -> Array:
 def true_view(camera: pinhole.Camera, markers: Markers) -> View:
     """Return a camera's true view of the structure at rest."""
     corners = pinhole.project_points(camera, on_surface(markers.extent, markers.corners))
-    return view_of(camera, markers, pinhole.undistort_pixels(camera, corners))
+    return corner_view(camera, markers, pinhole.undistort_pixels(camera, corners))
 
 
 def track_camera(
@@ -93,7 +93,7 @@ def track_camera(
     turn = 2 * np.pi * min(part.frequency for part in rig.motion.components) / station.frame_rate
     tracker = None
     for k, time in enumerate(times.tolist()):
-        image = as_dark(scene.frame(time, rig.generator(1, index, k)), markers)
+        image = darken_markers(scene.frame(time, rig.generator(1, index, k)), markers)
         try:
             tracker = tracker or Tracker(sharpen_view(image, view), turn)
         except TrackingError:
@@ -239,7 +239,7 @@ def mark_outline(
     frame = fit_grid(triangulate_seen(P, np.array(images))[0], outline)
     box = frame.R.T @ on_surface(rig.markers.extent, rig.markers.corners) + frame.origin[:, None]
     pairs = zip(cameras, pinhole.project(P, box), strict=True)
-    return [view_of(camera, rig.markers, four) for camera, four in pairs]
+    return [corner_view(camera, rig.markers, four) for camera, four in pairs]
 
 
 @dataclass(frozen=True)
@@ -299,7 +299,7 @@ def _integrate_pulse(pole: complex, t: Array, length: float) -> ComplexArray:
     return np.asarray((past + kappa * np.exp(pole * np.maximum(t, 0))) / (pole**2 + kappa**2))
 
 
-def tap_structure(
+def add_impact(
     rig: Rig,
     damping: tuple[float, ...],
     point: tuple[float, float],

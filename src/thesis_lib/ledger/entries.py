@@ -20,7 +20,7 @@ import xarray as xr
 
 from thesis_lib import templates
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.claims import Claim, StatedNumber, Trend, read_numbers, read_reasons
+from thesis_lib.facts.claims import Claim, PrintedNumber, Trend, read_numbers, read_reasons
 from thesis_lib.ledger import trends as ledger_trends, verdicts
 from thesis_lib.ledger.verdicts import VERDICTS, Series
 from thesis_lib.studies import cubes, request, schema
@@ -238,7 +238,7 @@ def _trend(
     )
 
 
-def _number(number: StatedNumber) -> Entry:
+def _number(number: PrintedNumber) -> Entry:
     """Judge a stray number by its recomputed value."""
     value = number.value
     inside = number.low <= value <= number.high

@@ -240,14 +240,14 @@ def _peaks(evidence: Evidence, argument: str) -> Mask:
 
 
 def _modes_alike(evidence: Evidence, _: str) -> Mask:
-    means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
+    means = [evidence.mode_means(quantity) for quantity in evidence.trend.quantities]
     chosen = [[m[mode] for mode in evidence.trend.modes if mode in m] for m in means]
     return _all(_close(a, b) for modes in chosen for a, b in combinations(modes, 2))
 
 
 def _worst_mode(evidence: Evidence, argument: str, sign: int = 1) -> Mask:
     """Test ``worst_mode 3``: its mean is above that of each other mode; below with sign −1."""
-    means = [evidence.of_modes(quantity) for quantity in evidence.trend.quantities]
+    means = [evidence.mode_means(quantity) for quantity in evidence.trend.quantities]
     mode = int(argument)
     return _all(
         sign * by[mode] > sign * by[m] for by in means if mode in by for m in by if m != mode
@@ -258,7 +258,7 @@ def _planes_alike(evidence: Evidence, argument: str) -> Mask:
     """Test ``planes_alike``: both planes; ``planes_alike XZ 2 1``: one, in two modes."""
     if argument:
         plane, mode, other = argument.split()
-        by = evidence.of_modes(f"plane_error_{plane.lower()}")
+        by = evidence.mode_means(f"plane_error_{plane.lower()}")
         empty = "plane_error_yz" if plane == "XZ" else "plane_error_xz"
         nodal = [
             np.isnan(evidence.errors(*key)).all()
@@ -267,7 +267,7 @@ def _planes_alike(evidence: Evidence, argument: str) -> Mask:
         ]
         return _close(by[int(mode)], by[int(other)]) & all(nodal)
     mode = str(evidence.trend.modes[0])
-    first, second = (evidence.of_modes(f"plane_error_{p}")[int(mode)] for p in ("xz", "yz"))
+    first, second = (evidence.mode_means(f"plane_error_{p}")[int(mode)] for p in ("xz", "yz"))
     return _close(first, second)
 
 

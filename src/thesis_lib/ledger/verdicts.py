@@ -54,7 +54,7 @@ class Check:
 def _settings(cube: xr.Dataset, claim: Claim) -> IntArray:
     """Return the indices of the settings to which a claim refers."""
     columns = (cube.variables[n].values.tolist() for n in ("case", "value", "pair_order"))
-    return np.flatnonzero([claim.speaks_of(*one) for one in zip(*columns, strict=True)])
+    return np.flatnonzero([claim.applies_to(*one) for one in zip(*columns, strict=True)])
 
 
 def claim_errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
@@ -254,7 +254,7 @@ class Evidence:
         """Return the errors of the series to which the trend refers and that have no NaN."""
         return [errors for _, errors in self.named]
 
-    def of_modes(self, quantity: str) -> dict[int, Array]:
+    def mode_means(self, quantity: str) -> dict[int, Array]:
         """Return the geometric mean over all settings of the cases, by mode: shape (draws,)."""
         by: dict[int, list[Array]] = {}
         for name, case, mode in self.known:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.files import check_outputs, name_place, put_files, staging
+from thesis_lib.files import check_outputs, name_failing_path, put_files, staging
 from thesis_lib.text import RefusedError, echo, print_json
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     from thesis_lib.measure.recordings.template import new_manifest
 
     given = rename_options(dict(given))
-    with name_place(folder):
+    with name_failing_path(folder):
         write = write_draft if "cameras" in given else new_manifest
         manifest, lines = write(folder, given)
     echo(*lines)
@@ -147,7 +147,7 @@ def board(file: Path, **given: Any) -> None:
     """Draw a calibration board into FILE, board.pdf if not given."""
     from thesis_lib.measure.paper import write_board
 
-    with name_place(file):
+    with name_failing_path(file):
         said = write_board(file, **given)
     echo(f"{file}: print at 100 %, measure the line of 100 mm, glue the sheet on a flat plate")
     echo(*said.split("\n"))
@@ -166,7 +166,7 @@ def markers(file: Path, **given: Any) -> None:
     """Draw markers into FILE, markers.pdf if not given, on as many pages as they need."""
     from thesis_lib.measure.paper import write_markers
 
-    with name_place(file):
+    with name_failing_path(file):
         count = write_markers(file, **given)
     echo(f"{file}: {count} pages to be printed at 100 %, cut at the corner marks, and joined")
 
@@ -180,7 +180,7 @@ def stand(manifest: Path, file: Path, paper: str) -> None:
     from thesis_lib.measure.paper import write_stand
     from thesis_lib.measure.recordings.manifest import read_manifest
 
-    with name_place(file):
+    with name_failing_path(file):
         write_stand(file, read_manifest(manifest, check_files=False).cameras, paper)
     echo(f"{file}: print it at 100 %, and lay it under the structure's centre")
 
@@ -205,7 +205,7 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
             raise click.UsageError(f"sync: given {video}, no such file")
     from thesis_lib.measure.synchronisation.alone import write_synchronisation
 
-    with name_place(out):
+    with name_failing_path(out):
         lines = write_synchronisation(videos, out)
     echo(*lines)
     echo(f"Wrote {out / 'sync.csv'} and {out / 'sync.png'}")
@@ -229,7 +229,7 @@ def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     target = video or named.with_name(f"{stem}.mov")
     if video is None and target == source:
         target = named.with_name(f"{stem}-{rate_hz or 0:g}.mov")
-    with name_place(target):
+    with name_failing_path(target):
         check_outputs(target.parent, [target])
         try:
             count, (width, height) = pack_frames(source, target, rate_hz)

@@ -74,7 +74,7 @@ def format_message(message: Message, variant: str = "", /, **values: object) -> 
     return text.format(limit=message.limit, **values)
 
 
-def format_new(code: str, **values: object) -> str:
+def template_line(code: str, **values: object) -> str:
     """Return a line of ``thesis measure --new``: the text, then its variant ``rest``, if any."""
     message = NEW_MESSAGES[code]
     return (message.text + message.variants.get("rest", "")).format(**values)

@@ -43,7 +43,7 @@ UNSTORED_VARIABLES = {
 
 
 @dataclass(frozen=True)
-class Recorded:
+class Inputs:
     """Inputs of the fits: synchronisation, calibration and tracks."""
 
     sound: xr.Dataset  #: Cameras' start times, and frequency and phase from the audio
@@ -59,7 +59,7 @@ class Recorded:
         return [line for line in lines if line]
 
 
-def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Recorded:
+def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Inputs:
     """Check files, estimate delays, calibrate and track; cache each step in the folder `steps`.
 
     Errors are those of :func:`measure_recordings`.
@@ -76,13 +76,13 @@ def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Re
     sound = measuring.read_sound(filmed, folder, steps, say)
     calibration = _calibrate(manifest, folder, steps, given, say)
     recordings = measuring.track_markers(filmed, folder, steps, calibration, sound, clocks)
-    found = Recorded(sound, calibration, recordings)
+    found = Inputs(sound, calibration, recordings)
     for line in found.repeats:
         say(f"Frames repeat: {line}")
     return found
 
 
-def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
+def fit_deflection(manifest: Manifest, of: Inputs) -> tuple[xr.Dataset, xr.Dataset]:
     """Fit the shape at one frequency, and return the datasets ``measured.nc`` and ``motion.nc``.
 
     The first includes calibration and synchronisation. Raise ChainError or FrequencyError if the
@@ -102,7 +102,7 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
         return data, schema.with_origin(moved, data.attrs["source"])
 
 
-def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, str]:
+def _describe_inputs(manifest: Manifest, of: Inputs, what: str) -> dict[str, str]:
     """Return attributes of a result: its title, the manifest, and notes on its inputs."""
     kind, count = manifest.structure.kind, len(of.recordings)
     return {
@@ -115,7 +115,7 @@ def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, s
 
 
 def _calibrate(
-    manifest: Manifest, folder: Path, steps: Path, given: cameras.Found | None, say: Say
+    manifest: Manifest, folder: Path, steps: Path, given: cameras.ReusedCameras | None, say: Say
 ) -> xr.Dataset:
     """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
     if given is None or manifest.calibration is None:
@@ -169,7 +169,7 @@ def measure_recordings(path: Path, out: Path, say: Say = print) -> build.Report:
 
 
 def measure_shape(
-    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Say
+    manifest: Manifest, folder: Path, inputs: Inputs, out: Path, say: Say
 ) -> build.Report:
     """Fit the shape of one frequency, and write report and files; return the report."""
     say("fitting the deflection")
@@ -195,7 +195,7 @@ def measure_shape(
 
 
 def measure_motion(
-    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Say
+    manifest: Manifest, folder: Path, inputs: Inputs, out: Path, say: Say
 ) -> build.Report:
     """Measure modes, receptances, or both; return the report."""
     if manifest.force is None:
@@ -217,7 +217,7 @@ def measure_motion(
 
 
 def measure_modes(
-    manifest: Manifest, inputs: Recorded, out: Path, say: Say, response: build.Report | None = None
+    manifest: Manifest, inputs: Inputs, out: Path, say: Say, response: build.Report | None = None
 ) -> build.Report:
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
@@ -257,12 +257,14 @@ def _put_results(
     out: Path,
     say: Say,
     report: build.Report,
-    inputs: Recorded | None,
+    inputs: Inputs | None,
     radiated: xr.Dataset | None = None,
 ) -> None:
     """Move all files of `part` to `out`, with the report if there are inputs; print its lines."""
     if inputs is not None:  # else the report is a section of another one
-        storage.write_netcdf(cameras.to_keep(inputs.calibration), part / cameras.OWN_FILE)
+        storage.write_netcdf(
+            cameras.select_reusable(inputs.calibration), part / cameras.CALIBRATION_FILE
+        )
         report.write_files(part)
     if radiated is not None:
         write_sound(part, radiated)

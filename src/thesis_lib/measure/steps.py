@@ -11,7 +11,7 @@ from tqdm import tqdm
 from thesis_lib.arrays import Array
 from thesis_lib.files import mark_cache
 from thesis_lib.measure.calibration import bundle_adjustment as bundle, rig, uncertainty
-from thesis_lib.measure.recordings.manifest import Manifest, shot_paths
+from thesis_lib.measure.recordings.manifest import Manifest, image_paths
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.tracking.tracks import Recording, record_track
@@ -34,7 +34,7 @@ def calibrate_rig(
     Standard deviations and covariance are those of
     :func:`thesis_lib.measure.calibration.uncertainty.jackknife_rig`.
     """
-    rows = [shot_paths(camera, folder) for camera in manifest.cameras]
+    rows = [image_paths(camera, folder) for camera in manifest.cameras]
     shots = [shot for row in rows for shot in row if shot]
     what = [manifest.board.model_dump(mode="json")] + [
         [c.name, c.size, [shot and shot.name for shot in row]]

@@ -71,7 +71,7 @@ def cube_of(asked: Study) -> xr.Dataset:
     if scheduler := os.environ.get(workers.SCHEDULER_VARIABLE, ""):
         workers.check_address(scheduler, workers.SCHEDULER_VARIABLE)
     if scheduler and not registry.FIGURE_SETS[asked.name].in_pieces:
-        print(workers.describe_alone(asked.name), file=sys.stderr)
+        print(workers.describe_unsupported(asked.name), file=sys.stderr)
         scheduler = ""
     result = cube_file.cube_of(asked, scheduler)
     if asked.cube:  # an absolute path stays
@@ -95,7 +95,7 @@ def viewer(cube: xr.Dataset) -> Viewer:
 
 
 @dataclass(frozen=True)
-class Shown:
+class DisplayedFigure:
     """A figure with its caption: SVG for pages, image and caption for front ends."""
 
     svg: str = field(repr=False)  #: The drawing
@@ -117,13 +117,13 @@ def figures(cube: xr.Dataset) -> None:
         display(_show_figure(cube, drawing, caption, case=case, mode=mode))
 
 
-def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
-    """Show :func:`thesis_lib.figure_sets.display.draw_picture`; None if the mode is missing."""
-    drawing = figure_sets.draw_picture(cube, name, *which)
+def picture(cube: xr.Dataset, name: str, *which: int) -> DisplayedFigure | None:
+    """Show a figure of :mod:`thesis_lib.figure_sets.display`; None if the mode is missing."""
+    drawing = figure_sets.draw_named_figure(cube, name, *which)
     if drawing is None:
         return None
     of = str(cube.attrs["figure_set"])
-    caption, style = figure_sets.read_caption(of, name, *which), figure_sets.picture_style(of)
+    caption, style = figure_sets.read_caption(of, name, *which), figure_sets.figure_style(of)
     return _show_figure(cube, drawing, caption, style)
 
 
@@ -134,14 +134,14 @@ def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
 
 def _show_figure(
     cube: xr.Dataset, drawing: Figure, caption: panels.Caption, style: Any = None, **which: Any
-) -> Shown:
+) -> DisplayedFigure:
     """Return a drawing with its caption, which notes if parameters are not the thesis's."""
     svg = figure_svg(drawing, style)
     ours = cube.attrs["in_the_thesis"] or registry.FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "
     alt = caption.alt or panels.describe_panels(drawing)
     about = {"name": caption.name, "caption": after + caption.text, "alt": alt} | which
-    return Shown(svg[svg.index("<svg") :], about)
+    return DisplayedFigure(svg[svg.index("<svg") :], about)
 
 
 def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:

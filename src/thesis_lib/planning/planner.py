@@ -66,7 +66,9 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     return ImpossibleError(f"{nowhere} {why}")
 
 
-def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:
+def explain_no_layout(
+    scene: Scene, grid: Array, count: int, request: PlanRequest
+) -> ImpossibleError:
     """Explain why there is no layout: cameras too close, or a marker that fewer than two see."""
     seen = (place_information(scene, grid)[0] > 0).sum(axis=0)
     if seen.min() < 2:
@@ -208,7 +210,7 @@ def plan(
     options.sort(key=lambda one: (one.kind, len(one.layout)))
     if request.goal != "shape":
         tell("moving cameras for the sound")
-        options = for_sound(options, request)
+        options = optimise_for_sound(options, request)
     draws = max(request.trials, 1), request.seed, request.estimator
     for i, one in enumerate(options):
         wrong = errors.draw_errors(one.scene, one.layout, one.resolution[0], *draws)
@@ -227,7 +229,7 @@ def plan(
     return Plan(request, body, options, front, chosen, total)
 
 
-def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
+def optimise_for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
     """Return the shape plans with cameras moved for the sound; their bounds are unknown: NaN."""
     sounds, goal = request.sounds, request.goal
     assert goal != "shape"
@@ -280,7 +282,7 @@ def _options(
         made.append(layout)
         tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s")
     if not made:
-        raise no_room(scene, grid, counts[0], request)
+        raise explain_no_layout(scene, grid, counts[0], request)
     if missing := set(counts) - set(map(len, made)):
         tell(f"left out: {join_words(sorted(missing))} cameras, for which no layout was found")
     known = place_information(scene, grid)
@@ -308,7 +310,7 @@ CAMERA_COLUMNS = (
     "camera", "x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "distance_mm",
     "focal_length_mm", "width_px", "height_px", "frame_rate_hz",
 )  # fmt: skip
-OF_SOUND = read_variables(__file__, "sound")
+SOUND_VARIABLES = read_variables(__file__, "sound")
 VARIABLES = read_variables(__file__, "plan")
 COORDINATES = read_variables(__file__, "coordinates")
 
@@ -383,7 +385,7 @@ def as_cube(made: Plan) -> xr.Dataset:
     if best.shape_plan:
         cube.attrs["goal"] = made.request.goal
         before = {"shape_plan_error": [one.shape_plan_error for one in options]}
-        cube = cube.assign(label_values(before, OF_SOUND))
+        cube = cube.assign(label_values(before, SOUND_VARIABLES))
     return cube
 
 

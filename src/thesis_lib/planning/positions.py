@@ -71,7 +71,7 @@ class Body:
         return self.points[:, None] + self.normals[:, None] * np.stack([largest, -largest])
 
 
-def body_of(structure: Structure, name: str, modes: Sequence[int]) -> Body:
+def build_body(structure: Structure, name: str, modes: Sequence[int]) -> Body:
     """Build the body of a beam or plate: its centre is the origin, its normals are +Z.
 
     Parameters
@@ -144,7 +144,7 @@ def first_most(values: Array) -> NDArray[np.int_]:
     return np.argmax(values >= values.max(axis=-1, keepdims=True) * (1 - MAX_TIE_RATIO), axis=-1)
 
 
-def by_rule(layout: Array) -> Array:
+def sort_cameras(layout: Array) -> Array:
     """Return the layout with cameras sorted by azimuth, elevation, distance and focal length."""
     return layout[np.lexsort(whole_steps(layout).T[::-1])]
 
@@ -209,7 +209,7 @@ def place_cameras(scene: Scene, places: Array, width: float = 1.0) -> pinhole.Ca
     return replace(rig, K=K, centres=camera_centres(scene, places))
 
 
-Sights = tuple[Array, Array, Array]
+Visibility = tuple[Array, Array, Array]
 """Visibility of markers from directions, at any distance, as arrays (directions, markers).
 
 The distance in m from which on a marker's whole motion is in the image; the marker's coordinate in
@@ -217,8 +217,8 @@ m from the centre along the direction; and the cosine between its normal and the
 """
 
 
-def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
-    """Return :data:`Sights` from directions (directions, 2) with focal lengths (directions,)."""
+def compute_visibility(scene: Scene, grid: Array, focal: Array) -> Visibility:
+    """Compute the visibility from directions (directions, 2) with focal lengths (directions,)."""
     body, R = scene.body, pinhole.hemisphere_rotations(grid[:, 0], grid[:, 1])
     ends = body.extremes(scene.peaks) - body.centre[:, None, None]
     across, down, beyond = np.moveaxis(np.tensordot(R, ends, 1), 1, 0)
@@ -231,7 +231,7 @@ def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     return inside, towards, -R[:, 2] @ body.normals
 
 
-def can_read(scene: Scene, seen: Sights, distance: Array) -> Mask:
+def can_read(scene: Scene, seen: Visibility, distance: Array) -> Mask:
     """Return which markers' whole motion is in the image and not too tilted, (places, markers).
 
     Cameras are at a `distance` (places,) in m.
@@ -268,7 +268,7 @@ def visible_markers(scene: Scene, places: Array) -> Mask:
     seen = np.zeros((len(places), scene.body.points.shape[1]), bool)
     for part in _parts(scene, len(places)):
         grid, distance, focal = np.split(places[part], [2, 3], axis=1)
-        seen[part] = can_read(scene, lens_sights(scene, grid, focal[:, 0]), distance[:, 0])
+        seen[part] = can_read(scene, compute_visibility(scene, grid, focal[:, 0]), distance[:, 0])
     return seen
 
 
@@ -320,7 +320,9 @@ def candidate_positions(scene: Scene, step: float) -> Array:
         near = nearest_distances(scene, grid, focal)
         steps = np.linspace(0, 1, _TRIED_DISTANCES)
         ladder = [lengths(near * (limits[1] / near) ** t, limits) for t in steps]
-        every = np.stack([places_at(grid, d, focal) for d in ladder])  # ladder, directions, 4
+        every = np.stack(
+            [combine_positions(grid, d, focal) for d in ladder]
+        )  # ladder, directions, 4
         allowed = are_permitted(scene, every.reshape(-1, 4)).reshape(len(ladder), -1)
         if limits[0] == limits[1]:
             allowed[1:] = False
@@ -343,7 +345,7 @@ def are_permitted(scene: Scene, places: Array) -> Mask:
     return allowed
 
 
-def places_at(grid: Array, distance: Array | float, focal: Array | float) -> Array:
+def combine_positions(grid: Array, distance: Array | float, focal: Array | float) -> Array:
     """Return positions from directions (places, 2), distances and focal lengths."""
     return np.column_stack([grid, *(np.broadcast_to(one, len(grid)) for one in (distance, focal))])
 
@@ -355,7 +357,7 @@ def nearest_distances(scene: Scene, grid: Array, focal: Array | float) -> Array:
     last = int(np.ceil(high_mm) - np.floor(low_mm))  # the index of the largest length
     found = np.full(len(grid), last)
     for part in _parts(scene, len(grid)) if last else []:
-        seen, high = lens_sights(scene, grid[part], focal[part]), found[part]
+        seen, high = compute_visibility(scene, grid[part], focal[part]), found[part]
         low = np.full(len(high), -1)
         for _ in range(last.bit_length()):
             middle = np.maximum((low + high) // 2, 0)

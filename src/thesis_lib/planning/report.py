@@ -237,7 +237,7 @@ def plan_command(request: PlanRequest, file: str = "") -> str:
     return join_command(["thesis", "plan", *structure], changed_parameters(request))
 
 
-def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> str:
+def format_study_command(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> str:
     """Return the command that simulates a layout (rows of `places`) as a study; empty if none can.
 
     The studies of chapters 3 and 4 have the thesis's structures, and one distance and one focal
@@ -285,7 +285,7 @@ def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
         quantity=quantity,
         shape_error=errors.objective_error(best.point, "mean").max() if best.shape_plan else None,
         cost=partial(_format_cost, plan_),
-        study="" if file else study_of(request, best.layout, best.resolution),
+        study="" if file else format_study_command(request, best.layout, best.resolution),
         file=file,
     )
 

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.facts import setups
-from thesis_lib.planning.positions import Body, Rules, Scene, body_of
+from thesis_lib.planning.positions import Body, Rules, Scene, build_body
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study, distance_limit, peaks_m, validate_values
 from thesis_lib.vibration.structure import Structure
@@ -120,15 +120,15 @@ class PlanRequest(Study):
     @property
     def measured(self) -> Body:
         """Return the body with the requested modes."""
-        return body_of(self.structure, self.body, self.modes)
+        return build_body(self.structure, self.body, self.modes)
 
     @property
     def sounds(self) -> tuple[PlateSound, ...]:
         """Return the sound that the plate radiates in these modes."""
-        from thesis_lib.planning.sound import sounds_of
+        from thesis_lib.planning.sound import compute_sounds
 
         goal: Any = self.goal
-        return sounds_of(tuple(self.modes), self.peaks_m, goal, self.plane, self.point_mm)
+        return compute_sounds(tuple(self.modes), self.peaks_m, goal, self.plane, self.point_mm)
 
     @property
     def peaks_m(self) -> tuple[float, ...]:

@@ -18,7 +18,7 @@ from thesis_lib.vision.pinhole import hemisphere_directions
 
 SEARCH_STEPS_RAD = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
 _MAX_ROUNDS = 50  # with one step; they converge long before
-SETTLED_LAYOUTS = 3  # best layouts for a number of cameras that are refined, and all that tie
+MAX_REFINED_LAYOUTS = 3  # best layouts for a number of cameras that are refined, and all that tie
 _SHORT_STEPS, _LONG_STEPS = (-1, 0, 1), (-10, 10)
 _STEP_PAIRS = (_SHORT_STEPS, _SHORT_STEPS), (_LONG_STEPS, (-1, 1)), ((-1, 1), _LONG_STEPS)
 _SEARCH_DIRECTIONS = np.array([way for steps in _STEP_PAIRS for way in itertools.product(*steps)])
@@ -49,7 +49,7 @@ def find_neighbours(scene: Scene, layout: Array, step: float) -> tuple[Array, Ma
         near = positions.nearest_distances(scene, grid, focal)
         far = [near, distance - by, distance, distance + by]
     rounded = [positions.lengths(d, rules.distances) for d in far]
-    every = np.concatenate([positions.places_at(grid, d, focal) for d in rounded])
+    every = np.concatenate([positions.combine_positions(grid, d, focal) for d in rounded])
     camera = np.tile(np.repeat(np.arange(n), len(_SEARCH_DIRECTIONS)), len(far))
     _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
     first = first[positions.are_permitted(scene, every[first])]
@@ -74,7 +74,7 @@ def turn_layout(scene: Scene, layout: Array, angle: float) -> Array:
     return out
 
 
-def settle_layout(scene: Scene, layout: Array, objective: str) -> Array:
+def refine_layout(scene: Scene, layout: Array, objective: str) -> Array:
     """Refine a layout in decreasing steps, by single cameras and as a whole, while costs fall."""
     best = layout_cost(scene, layout, objective)
     for step in SEARCH_STEPS_RAD:
@@ -111,7 +111,7 @@ def choose_layout(scene: Scene, layouts: Sequence[Array], objective: str) -> Arr
         image[:, 1] = positions.angles(image[:, 1], scene.rules.elevations)
         if positions.is_allowed(scene, image) and layout_cost(scene, image, objective) <= most:
             alike.append(image)
-    ordered = map(positions.by_rule, alike)
+    ordered = map(positions.sort_cameras, alike)
     return min(ordered, key=lambda one: positions.whole_steps(one).ravel().tolist(), default=None)
 
 
@@ -169,9 +169,9 @@ def best_layouts(
             if len(added) == count:
                 layouts.append(added)
         found = [layout_cost(scene, one, objective) for one in layouts]
-        most = max(sorted(found)[:SETTLED_LAYOUTS], default=0.0) * (1 + positions.MAX_TIE_RATIO)
+        most = max(sorted(found)[:MAX_REFINED_LAYOUTS], default=0.0) * (1 + positions.MAX_TIE_RATIO)
         settled = [
-            settle_layout(scene, one, objective)
+            refine_layout(scene, one, objective)
             for one, cost in zip(layouts, found, strict=True)
             if np.isfinite(cost) and cost <= most
         ]

@@ -36,7 +36,7 @@ _SEARCH_DIRECTIONS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if
 
 
 @lru_cache(maxsize=4)
-def sounds_of(
+def compute_sounds(
     modes: tuple[int, ...],
     peaks: tuple[float, ...],
     goal: Goal = "sound",
@@ -67,7 +67,7 @@ def sounds_of(
                 one = PlateSound.from_shape(plate, planes, field.medium, omega, shape)
             else:
                 place = np.array(point_mm) / 1000
-                one = _at_point(plate_pistons(plate), place, field.medium, omega, shape)
+                one = _point_sound(plate_pistons(plate), place, field.medium, omega, shape)
         except ValueError as error:
             refuse_value("modes", mode, str(error).replace(radiation.FINER_PISTONS, "a lower mode"))
         if goal != "sound-power" and np.isnan(one.largest).all():
@@ -77,7 +77,7 @@ def sounds_of(
     return tuple(found)
 
 
-def _at_point(
+def _point_sound(
     parts: radiation.Pistons, point: Array, medium: radiation.Medium, omega: float, reference: Array
 ) -> PlateSound:
     """Compute the sound at one point (3,) in m, treated as a plane of one point."""
@@ -167,7 +167,7 @@ def move_cameras(
             up = positions.angles(elevation + step * _SEARCH_DIRECTIONS[:, 1], rules.elevations)
             grid = np.column_stack([positions.azimuths(aside, rules.azimuths), up])
             near = positions.nearest_distances(scene, grid, focal)
-            places = positions.places_at(grid, near, focal)
+            places = positions.combine_positions(grid, near, focal)
             places = places[positions.are_permitted(scene, places)]
             others = np.delete(found, which, axis=0)
             places = places[~positions.too_near(scene, places, others).any(axis=1)]

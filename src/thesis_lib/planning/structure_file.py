@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.planning.positions import Body, body_of
+from thesis_lib.planning.positions import Body, build_body
 from thesis_lib.studies import request, schema, storage
 from thesis_lib.text import has_hidden, one_line
 from thesis_lib.vibration.structure import Structure
@@ -28,7 +28,7 @@ MARKERS_ONLY = "the markers, not all nodes of a mesh"
 NEEDED_FILE = "a netCDF file with x, y, z, shape and frequency"
 
 
-class MeshError(request.ParameterError):
+class StructureFileError(request.ParameterError):
     """An invalid structure file; the message is one line."""
 
 
@@ -41,7 +41,7 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
         With one line that names the file and what it needs.
     """
     if has_hidden(path.name):  # the plan is named after it
-        raise MeshError(f"--structure: given {path.name!r}, allowed: a visible name")
+        raise StructureFileError(f"--structure: given {path.name!r}, allowed: a visible name")
     mesh = _open_table(path)
     has_normals = any(name in mesh.variables for name in NORMAL_COLUMNS)
     fields = NEEDED_FIELDS | (dict.fromkeys(NORMAL_COLUMNS, ("point",)) if has_normals else {})
@@ -77,8 +77,8 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     return Body(path.stem, points, moving, shape, hertz[rows], tuple(modes), np.zeros((3, 0)))
 
 
-def _refusal(path: Path, needed: str) -> MeshError:
-    return MeshError(f"--structure: given {path}, needed: {needed}")
+def _refusal(path: Path, needed: str) -> StructureFileError:
+    return StructureFileError(f"--structure: given {path}, needed: {needed}")
 
 
 def _open_table(path: Path) -> xr.Dataset:
@@ -88,10 +88,10 @@ def _open_table(path: Path) -> xr.Dataset:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
             ours = {*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode"}
             mesh = file[[name for name in file.variables if name in ours]]
-            if mesh.nbytes > storage.HELD_BYTES:
+            if mesh.nbytes > storage.MAX_UNCHECKED_BYTES:
                 raise _refusal(path, f"not {mesh.nbytes / 1e6:.3g} MB, but {MARKERS_ONLY}")
             return mesh.load()
-    except MeshError:
+    except StructureFileError:
         raise
     except Exception as error:  # the netCDF and HDF libraries raise many types
         raise _refusal(path, f"{NEEDED_FILE} ({type(error).__name__})") from None
@@ -107,7 +107,7 @@ def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> A
     return values
 
 
-def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
+def export_modes(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
     """Return the markers and mode shapes of a structure.
 
     Parameters
@@ -124,7 +124,7 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
         ``frequency(mode)`` in Hz, and ``shape(mode, point)``, which is 1 where the structure moves
         most.
     """
-    body, kind = body_of(structure, "", modes), type(structure).__name__
+    body, kind = build_body(structure, "", modes), type(structure).__name__
     values = *body.points, body.shapes, body.frequencies, np.array(modes)
     table = schema.read_variables(__file__, "structure")
     named = schema.label_values(dict(zip(table, values, strict=True)), table)
@@ -134,6 +134,6 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
 
 
 def write_modes(structure: Structure, modes: Sequence[int], path: Path) -> Path:
-    """Write :func:`modes_of` to a netCDF file, atomically, and return its path."""
-    storage.write_netcdf(modes_of(structure, modes), Path(path))
+    """Write :func:`export_modes` to a netCDF file, atomically, and return its path."""
+    storage.write_netcdf(export_modes(structure, modes), Path(path))
     return Path(path)

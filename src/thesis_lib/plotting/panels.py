@@ -26,7 +26,7 @@ from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotation
 _BEAM_GRID = {
     "left": 0.079, "right": 0.98, "bottom": 0.093, "top": 0.944, "wspace": 0.21, "hspace": 0.39
 }  # fmt: skip
-FAR_APART = 20.0
+MAX_LINEAR_RATIO = 20.0
 """Ratio of the largest to the least error above which the axis of errors is logarithmic."""
 
 
@@ -102,7 +102,7 @@ def _find_limits(groups: Sequence[selection.Bars]) -> tuple[float, float]:
     top = float(np.fmax.reduce([*drawn, 0.1, *stated]))
     every = np.ravel([[bars.literal, bars.predicted, *bars.band] for bars in groups])
     least = float(np.fmin.reduce(every))
-    return (least if least > 0 and top > FAR_APART * least else 0.0), top
+    return (least if least > 0 and top > MAX_LINEAR_RATIO * least else 0.0), top
 
 
 def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:

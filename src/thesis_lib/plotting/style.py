@@ -109,7 +109,7 @@ def make_mosaic(
     return figure, figure.subplot_mosaic(names, **how)
 
 
-def bar_beside(panel: Axes, picture: Any, label: str) -> None:
+def add_colorbar(panel: Axes, picture: Any, label: str) -> None:
     """Add a colour bar to the right of a panel, with its label below."""
     box, figure = panel.get_position(), panel.get_figure(root=True)
     assert figure is not None
@@ -157,7 +157,7 @@ def find_panels(figure: Figure) -> str:
             figure.transFigure.inverted()
         )
         box = (max(extent.x0, 0), max(1 - extent.y1, 0), min(extent.x1, 1), min(1 - extent.y0, 1))
-        left = [one for one in boxes if one[0] < box[0] and _abreast(one, box)]
+        left = [one for one in boxes if one[0] < box[0] and _overlap_vertically(one, box)]
         if left and box[2] - box[0] <= MAX_SCALE_WIDTH:  # a colour bar joins the panel on its left
             x0, y0, x1, y1 = panel = max(left)
             whole = min(x0, box[0]), min(y0, box[1]), max(x1, box[2]), max(y1, box[3])
@@ -165,7 +165,7 @@ def find_panels(figure: Figure) -> str:
         else:
             boxes.append(box)
     boxes = _sort_for_reading(boxes)
-    if not any(_abreast(*two) for two in pairwise(boxes)):
+    if not any(_overlap_vertically(*two) for two in pairwise(boxes)):
         return ""
     return ";".join(
         f"{100 * left:.1f} {100 * top:.1f} {100 * (right - left):.1f} {100 * (bottom - top):.1f}"
@@ -177,14 +177,14 @@ def _sort_for_reading(boxes: list[Box]) -> list[Box]:
     """Sort boxes by row, and from left to right in each row."""
     rows: list[list[Box]] = []
     for box in sorted(boxes, key=lambda one: one[1]):
-        if rows and _abreast(rows[-1][0], box):
+        if rows and _overlap_vertically(rows[-1][0], box):
             rows[-1].append(box)
         else:
             rows.append([box])
     return [box for row in rows for box in sorted(row)]
 
 
-def _abreast(one: Box, other: Box) -> bool:
+def _overlap_vertically(one: Box, other: Box) -> bool:
     """Return whether two boxes overlap vertically by more than half of the lower one's height."""
     common = min(one[3], other[3]) - max(one[1], other[1])
     return common > 0.5 * min(one[3] - one[1], other[3] - other[1])

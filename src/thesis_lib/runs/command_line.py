@@ -160,14 +160,14 @@ def is_folder(name: str) -> bool:
     return os.sep in name or name in (".", "..")
 
 
-def sets_of(name: str) -> list[str]:
+def expand_name(name: str) -> list[str]:
     """Return the figure sets that a set, a chapter or a folder stands for."""
     from thesis_lib.figure_sets.registry import CHAPTER_SETS, load_sets
 
     return load_sets(Path(name)) if is_folder(name) else CHAPTER_SETS.get(name, [name])
 
 
-def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
+def build_requests(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     """Return validated studies of sets and chapters; each set takes the parameters that it has.
 
     A folder stands for the figure sets in it.
@@ -175,7 +175,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     from thesis_lib.figure_sets.registry import model_of
     from thesis_lib.studies.request import check_names, validate_values
 
-    expanded = [one for name in names for one in sets_of(name)]
+    expanded = [one for name in names for one in expand_name(name)]
     models = [model_of(name) for name in dict.fromkeys(expanded)]
     known = {key for model in models for key in model.model_fields}
     check_names(models[0], (key for key in values if key not in known))
@@ -201,7 +201,7 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
             "(beam-…, plate-…, sound-…, shape-…), which can be cut into pieces"
         )
     for name in others:
-        click.echo(workers.describe_alone(name), err=True)
+        click.echo(workers.describe_unsupported(name), err=True)
     workers.check_scheduler(scheduler)
     os.environ[workers.SCHEDULER_VARIABLE] = scheduler
 

@@ -13,7 +13,7 @@ from thesis_lib.acoustics.planes import Plane, plate_pistons
 from thesis_lib.acoustics.radiation import FINER_PISTONS, Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.studies import fields
-from thesis_lib.text import RefusedError, listed, one_line
+from thesis_lib.text import RefusedError, format_list, one_line
 from thesis_lib.vibration import structure as structures
 
 CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
@@ -122,7 +122,7 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
             hint = fields.suggest_name(name, model.model_fields)
             own = [one for one in model.model_fields if one != "cube"]
             command = "plan --parameters" if model.name == "plan" else f"list {model.name}"
-            words = model.hints.get(name) or f"{hint}; {listed(own, f'thesis {command}')}"
+            words = model.hints.get(name) or f"{hint}; {format_list(own, f'thesis {command}')}"
             raise ParameterError(f"{model.name}: no parameter {one_line(str(name))}{words}")
 
 

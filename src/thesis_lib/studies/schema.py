@@ -151,7 +151,7 @@ def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, 
     return label_values(dict(zip(FIELD_COORDINATES, values, strict=True)), FIELD_COORDINATES)
 
 
-def of_settings(
+def label_settings(
     settings: list[Setting], results: Sequence[Mapping[str, Any]], table: Mapping[str, Variable]
 ) -> dict[str, Any]:
     """Label the results of settings in the order of a table, and the camera positions."""

@@ -28,9 +28,9 @@ import xarray as xr
 
 from thesis_lib import files
 from thesis_lib.studies.cubes import CubeError
-from thesis_lib.text import aside
+from thesis_lib.text import print_status
 
-HELD_BYTES = 64 * 2**20  # of memory that a small unknown file may fill
+MAX_UNCHECKED_BYTES = 64 * 2**20  # of memory that a small unknown file may fill
 MANTISSA_BITS = {  # of a rounded mantissa
     np.dtype(np.float32): 13,  # to 2⁻¹⁴, 0.006 %: plotted values
     np.dtype(np.float64): 23,  # to 2⁻²⁴, as in single precision: compared values
@@ -41,7 +41,7 @@ _ROUNDED_ATTRIBUTE = "_QuantizeBitRoundNumberOfSignificantBits"
 _SMALL_BYTES = 4096  # up to here compression costs more than it saves: HDF5 then adds an index
 _HDF5_LOCK = threading.RLock()  # the HDF5 library crashes if two threads use it at once
 _MAX_PACKING_RATIO = 100  # maximum accepted compression ratio
-_STEPPED_BYTES = 2**19  # above it, plotted values are stored as multiples of a step
+MIN_QUANTISED_BYTES = 2**19  # above it, plotted values are stored as multiples of a step
 
 
 def write_netcdf(
@@ -85,7 +85,7 @@ def _step(values: xr.DataArray) -> np.float32 | None:
 
     Variables with trials have none, since the ledger computes with them.
     """
-    if values.dtype != np.float32 or values.nbytes <= _STEPPED_BYTES or "trial" in values.dims:
+    if values.dtype != np.float32 or values.nbytes <= MIN_QUANTISED_BYTES or "trial" in values.dims:
         return None
     largest = float(np.fmax.reduce(np.abs(values.values), axis=None, initial=0.0))
     if not 0 < largest < np.inf:
@@ -110,7 +110,7 @@ def _round_mantissa(values: xr.Variable) -> xr.Variable:
     return xr.Variable(values.dims, finite, values.attrs | {_ROUNDED_ATTRIBUTE: np.int32(kept)})
 
 
-class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
+class _CachedFile(h5py.File):  # type: ignore[misc]  # h5py has no annotations
     """Read-only HDF5 file that looks up a variable once; h5netcdf does so some forty times."""
 
     def __init__(self, path: Path) -> None:
@@ -140,13 +140,13 @@ def open_netcdf(path: Path) -> xr.Dataset:
     try:
         with (
             _HDF5_LOCK,
-            _Indexed(path) as indexed,
+            _CachedFile(path) as indexed,
             h5netcdf.File(indexed, decode_vlen_strings=True) as file,
         ):
             every, size = file.variables.values(), path.stat().st_size
             held = sum(math.prod(one.shape) * np.dtype(one.dtype).itemsize for one in every)
             # A small file that would fill the memory is no cube: none is packed as tightly.
-            if held > max(HELD_BYTES, _MAX_PACKING_RATIO * size):
+            if held > max(MAX_UNCHECKED_BYTES, _MAX_PACKING_RATIO * size):
                 said = f"{size / 1e6:.3g} MB say {held / 1e6:.3g} MB"
                 raise CubeError(f"{path}: not a cube of this project ({said})")
             return xr.open_dataset(xr.backends.H5NetCDFStore(file), cache=False).load()
@@ -202,7 +202,7 @@ def load_or_compute(
             if _digest(path).read_text(encoding="ascii").split() == [*map(files.sha256, stored)]:
                 data = open_netcdf(path)
         if data is None:
-            aside(f"{path} is not what was stored there; it is computed again")
+            print_status(f"{path} is not what was stored there; it is computed again")
         elif data.attrs.get("key", "") == key:
             return data
     begun = time.perf_counter()

@@ -104,7 +104,7 @@ def check_scheduler(scheduler: str) -> None:
             pass
 
 
-def describe_alone(name: str) -> str:
+def describe_unsupported(name: str) -> str:
     """Return the message on a figure set that cannot use a scheduler."""
     return f"{name} is not cut into pieces: it runs in one process, without the scheduler"
 

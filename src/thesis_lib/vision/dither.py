@@ -23,7 +23,7 @@ from thesis_lib.arrays import Array, ArrayLike
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulation_gain
 
-ONE_FRAME = 1 / 12  # variance of one rounded coordinate in px²
+FRAME_VARIANCE_PX2 = 1 / 12  # variance of one rounded coordinate in px²
 _HARMONIC_COUNT = 2000  # without motion or shake the remainder is 1/(2π²k) = 2.5e-5 px²
 _HARMONICS_PER_PASS = 100  # harmonics at a time, which bounds the memory
 _LATTICE_RADIUS = 60  # harmonics of the plane within it are summed one by one, others on average
@@ -68,7 +68,7 @@ def shaken_variance(frames: int, shake_px: ArrayLike) -> Array:
     if frames < 1:
         raise ValueError(f"frames: given {frames}, allowed: a whole number from 1")
     common = mean_variance(0.0, shake_px)
-    return common + (np.square(np.asarray(shake_px, float)) + ONE_FRAME - common) / frames
+    return common + (np.square(np.asarray(shake_px, float)) + FRAME_VARIANCE_PX2 - common) / frames
 
 
 def deflection_variance(

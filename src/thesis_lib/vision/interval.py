@@ -52,7 +52,7 @@ import numpy as np
 from thesis_lib.arrays import Array, ArrayLike, Mask
 from thesis_lib.vision import pinhole, triangulation
 
-LEAST_PX = 1e-3  # least noise that is assumed: it gives the slabs walls of finite thickness
+MIN_NOISE_PX = 1e-3  # least noise that is assumed: it gives the slabs walls of finite thickness
 _BLOCK_VALUES = 8000  # camera × point values per block: intermediate results stay in cache
 _MAX_SWEEPS = 5  # over all sites: the mean is then off by hundredths of its standard deviation
 _DAMPING_RATIO = 0.8  # share of the change to its new value that a site makes in a sweep
@@ -132,7 +132,7 @@ def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tup
     # pixel centres relative to the images of `about`
     middle = (pixels - pinhole.project(P, about)).reshape(J.shape[1:])
     squares = np.stack([J[i] * J[j] for i, j in zip(*triangulation.UPPER_INDICES, strict=True)])
-    variance = max(sigma, LEAST_PX) ** 2
+    variance = max(sigma, MIN_NOISE_PX) ** 2
     tau = np.full(middle.shape, 1 / (variance + 1 / 12))
     nu = tau * middle
     x, C, plain = start, start, start
@@ -210,7 +210,7 @@ def _solve_sites(precision: Array, right: Array, frames: int) -> tuple[Array, Ar
     return np.stack(mean).reshape(3, -1), np.stack(shared).reshape(6, -1), volume
 
 
-MOST_PX = 1.0  # largest noise that is searched
+MAX_NOISE_PX = 1.0  # largest noise that is searched
 _SIGMA_STEPS = 16  # steps of the integral per σ, or per half a pixel if that is less
 _REACH_SIGMAS = 10  # σ beyond a pixel's faces, where the integral ends
 # Fall of the log-likelihood at the ends of a 95 % interval
@@ -283,9 +283,9 @@ def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
     def evidence(sigma: float) -> float:
         return float(np.sum(interval_estimate(P, images, sigma).evidence))
 
-    low, high = 0.0, MOST_PX
+    low, high = 0.0, MAX_NOISE_PX
     best, top = 0.0, -np.inf
-    while high - low > LEAST_PX / 2:  # each round searches a quarter of the last interval
+    while high - low > MIN_NOISE_PX / 2:  # each round searches a quarter of the last interval
         grid = np.linspace(low, high, 9)
         found = [evidence(sigma) for sigma in grid]
         at = int(np.argmax(found))
@@ -296,10 +296,10 @@ def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
         """Return σ, towards an end, at which the evidence has fallen by `_LIKELIHOOD_FALL`."""
         if top - evidence(outside) < _LIKELIHOOD_FALL:
             return outside
-        while abs(outside - inside) > LEAST_PX / 2:
+        while abs(outside - inside) > MIN_NOISE_PX / 2:
             middle = (inside + outside) / 2
             likely = top - evidence(middle) < _LIKELIHOOD_FALL
             inside, outside = (middle, outside) if likely else (inside, middle)
         return (inside + outside) / 2
 
-    return Noise(best, bisect_end(best, 0.0), bisect_end(best, MOST_PX))
+    return Noise(best, bisect_end(best, 0.0), bisect_end(best, MAX_NOISE_PX))

@@ -159,7 +159,7 @@ def weak_perspective(cameras: CameraArray, points: ArrayLike) -> Array:
     return flat[:, :2] / flat[:, 2:]
 
 
-def append_one(points: ArrayLike) -> Array:
+def to_homogeneous(points: ArrayLike) -> Array:
     """Append a coordinate of 1 to (..., n), shape (..., n + 1) (eq. 2.10, C.1)."""
     x = np.asarray(points, float)
     return np.concatenate([x, np.ones_like(x[..., :1])], axis=-1)

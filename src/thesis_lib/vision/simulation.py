@@ -120,7 +120,7 @@ def rms_with_std(errors: ArrayLike) -> tuple[Array, Array]:
     return rms, np.divide(spread, rms, out=np.zeros_like(rms), where=rms > 0)
 
 
-def over_layouts(errors: Array) -> Array:
+def rms_over_layouts(errors: Array) -> Array:
     """Return the root mean square over the layouts of errors (layouts, ...)."""
     return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
 

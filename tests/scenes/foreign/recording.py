@@ -13,7 +13,7 @@ from scenes.sounds import write_film
 
 from thesis_lib.measure.exchange.cameras import write_cameras
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
-from thesis_lib.measure.recordings.manifest_parts import Excitation, Reuse
+from thesis_lib.measure.recordings.manifest_parts import Excitation, ReusedRig
 from thesis_lib.vision.pinhole import Camera
 
 RATE, SOUND_RATE = 60, 48000  # frames and samples a second
@@ -101,6 +101,6 @@ class Scene:
                 )
                 for eye in self.eyes
             ),
-            calibration=Reuse(file="cameras.yaml"),
+            calibration=ReusedRig(file="cameras.yaml"),
             excitation=Excitation(frequency_hz=FREQUENCY, rest_duration_s=REST),
         )  # fmt: skip

@@ -252,7 +252,7 @@ def tabulate_equal_pixels(_: Cubes) -> str:
     )
 
 
-def tabulate_wishes(opened: Cubes) -> str:
+def tabulate_future_work(opened: Cubes) -> str:
     """Tabulate the results of the future work in sections 5.3 and 7.1, one number each."""
     layouts, plate = opened["lab-layout"], opened["lab-plate"]
     coarse = opened["lab-equal-pixels"]
@@ -324,5 +324,5 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     "conclusions-experiment": tabulate_experiment,
     "conclusions-costs": tabulate_costs,
     "conclusions-pixels": tabulate_equal_pixels,
-    "conclusions-wishes": tabulate_wishes,
+    "conclusions-wishes": tabulate_future_work,
 }

@@ -11,7 +11,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces import conclusions, factors
-from thesis_lib.book.pieces.opened import Cubes, of_subject
+from thesis_lib.book.pieces.opened import Cubes, select_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound import BEST_DEG, audible_planes, turn_advice
 from thesis_lib.figure_sets.planner import figure_set, figures
@@ -29,7 +29,7 @@ FINDING_GROUPS = ("beam", "plate", "sound")
 
 def describe_chapter(subject: str, opened: Cubes) -> str:
     """Describe the results of a chapter: changes, agreement, the law of rounding."""
-    chapter = of_subject(opened, subject)
+    chapter = select_subject(opened, subject)
     changes = _compare_extremes(chapter)
     names = [cube.attrs["figure_set"] for cube in chapter]
     met = list(_check_claims(chapter))
@@ -109,7 +109,7 @@ def relative_rms_std(squared: xr.DataArray) -> Array:
 def describe_repeats(opened: Cubes) -> str:
     """Describe the replicates of recordings: number, scatter, and where the first one lies."""
     rows = []
-    for study in (one for one in STUDIES.values() if issubclass(one, parameters.Repeated)):
+    for study in (one for one in STUDIES.values() if issubclass(one, parameters.ReplicatedStudy)):
         error = opened[study.name]["mean_error"].transpose("trial", ...).values
         error = error[:, np.isfinite(error).all(axis=0)]
         first, others = error[0], error[1:]
@@ -122,7 +122,7 @@ def describe_repeats(opened: Cubes) -> str:
 
 def tabulate_sound_scatter(opened: Cubes) -> str:
     """Tabulate the scatter of the error from trial to trial, by mode and plane."""
-    chapter = of_subject(opened, "sound")
+    chapter = select_subject(opened, "sound")
     rows = []
     for mode, plane in audible_planes(chapter[0]):
         spread, law, known = [], [], []
@@ -140,7 +140,7 @@ def tabulate_sound_scatter(opened: Cubes) -> str:
 
 def tabulate_sound_layouts(opened: Cubes) -> str:
     """Tabulate κ, the rms field error over the rms deflection error, by camera layout."""
-    chapter = of_subject(opened, "sound")
+    chapter = select_subject(opened, "sound")
     pairs = audible_planes(chapter[0])
     free = [float(chapter[0]["independent_ratio"].sel(mode=m, plane=p)) for m, p in pairs]
     rows: list[dict[str, Any]] = []
@@ -194,7 +194,10 @@ def error_over_law(chapter: Sequence[xr.Dataset]) -> Array:
 def tabulate_scatter(opened: Cubes) -> str:
     """Tabulate the quantiles of the trials' errors over the predicted ones, for beam and plate."""
     rows = [
-        (subject, np.nanquantile(error_over_law(of_subject(opened, subject)), [0.05, 0.5, 0.95]))
+        (
+            subject,
+            np.nanquantile(error_over_law(select_subject(opened, subject)), [0.05, 0.5, 0.95]),
+        )
         for subject in ("beam", "plate")
     ]
     return render(__file__, "rounding-scatter", rows=rows)
@@ -202,7 +205,7 @@ def tabulate_scatter(opened: Cubes) -> str:
 
 def describe_body(body: str, opened: Cubes) -> str:
     """Describe the effect of each factor on a body's error, and the accuracy of the prediction."""
-    chapter = of_subject(opened, body)
+    chapter = select_subject(opened, body)
     by, single = error_shares(opened, body), np.quantile(error_over_law(chapter), [0.05, 0.95])
     off_percent = 100 * np.max(np.abs(law_over_rms(chapter) - 1))
     return render(__file__, "body-result", by=by, law_off_percent=off_percent, single=single)
@@ -211,7 +214,7 @@ def describe_body(body: str, opened: Cubes) -> str:
 def describe_laboratory(opened: Cubes) -> str:
     """Describe the errors of the thesis's method and the best one, with all cameras and pixels."""
     cube = opened["experiment-resolution"]
-    found = _check_claims(of_subject(opened, "experiment"))
+    found = _check_claims(select_subject(opened, "experiment"))
     thesis, best = (
         _trial_median(selection.select_settings(cube, method, 1).isel(setting=-1)["mean_error"])
         for method in ("matched", "harmonic")
@@ -270,7 +273,7 @@ def tabulate_advice(opened: Cubes) -> str:
 def list_findings(opened: Cubes) -> str:
     """List the advice of the thesis with its verdicts, and the findings of the book."""
     entries = [entry for entry in ledger.from_cube(opened["claims"]) if entry.counted]
-    ratios = law_over_rms([*of_subject(opened, "beam"), *of_subject(opened, "plate")])
+    ratios = law_over_rms([*select_subject(opened, "beam"), *select_subject(opened, "plate")])
     arrays, trends = opened["sound-arrays"], factors.sound_trends(opened)
     average_px = float(np.sqrt(rounding.mean_difference_variance(1, 0, 1)))
     left = {body: error_shares(opened, body) for body in BODY_CHAPTERS}
@@ -292,7 +295,7 @@ def list_findings(opened: Cubes) -> str:
         "home-findings",
         counted=len(entries),
         numbers=ledger.count_verdicts(entries),
-        missed=[inside for _, _, inside in _check_claims(of_subject(opened, "beam"))],
+        missed=[inside for _, _, inside in _check_claims(select_subject(opened, "beam"))],
         ratios=ratios,
         off=np.max(np.abs(ratios - 1)),
         advice=advice,

@@ -287,15 +287,18 @@ FIGURES: dict[str, tuple[str, Callable[..., Any]]] = {
         for what in VARIED
     },
     **{
-        f"cameras-{name}.svg": ("cameras", partial(display.draw_picture, name=name))
+        f"cameras-{name}.svg": ("cameras", partial(display.draw_named_figure, name=name))
         for name in ("view", "projection", "pixels", "mosaic")
     },
     "layouts-elevation.svg": ("lab-elevation", draw_elevations),
     "layouts-far.svg": ("lab-layout", draw_distances),
     "layouts-sets.svg": ("lab-layout", partial(display.draw_figure, case="subsets", mode=1)),
-    "equal-pixels.svg": ("lab-equal-pixels", partial(display.draw_picture, name="claim")),
+    "equal-pixels.svg": ("lab-equal-pixels", partial(display.draw_named_figure, name="claim")),
     "motions-ways.svg": ("lab-modes", draw_few_frames),
-    "motions-aliases.svg": ("lab-modes", lambda cube: display.draw_picture(cube, "aliases", 2)),
+    "motions-aliases.svg": (
+        "lab-modes",
+        lambda cube: display.draw_named_figure(cube, "aliases", 2),
+    ),
     "motions-plate.svg": ("lab-plate", draw_plate_errors),
     "beam-modes.svg": (FACTS, draw_beam_modes),
     "plate-modes.svg": (FACTS, draw_plate_modes),
@@ -320,7 +323,7 @@ def write_illustrations(
             continue
         drawn, look = [], None
         if of in cubes:
-            drawn, look = [read_once(cubes[of])], display.picture_style(of)
+            drawn, look = [read_once(cubes[of])], display.figure_style(of)
         with style.in_style(look):
             text = style.figure_svg(draw(*drawn), look)
         files.whole_text(folder / name, text)

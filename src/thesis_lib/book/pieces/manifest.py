@@ -34,7 +34,7 @@ SAMPLE_FILES = (SAMPLE_PAGE, SHAPE_FIGURE)
 
 def write_sample(folder: Path) -> None:
     """Write the report on the shipped example into a folder, and a figure of it for the guide."""
-    data, frames = record.read_sample(), record.first_frames()
+    data, frames = record.read_example(), record.first_frames()
     manifest = record.manifest_of(data)
     whole_text(folder / SAMPLE_PAGE, build.build_shape(data, data, manifest, frames).page)
     whole_text(folder / SHAPE_FIGURE, figure_svg(figures.draw_shape(data, manifest)))
@@ -42,14 +42,14 @@ def write_sample(folder: Path) -> None:
 
 def format_sample_summary() -> str:
     """Format the last lines that the measurement of the example prints, as a block of text."""
-    data = record.read_sample()
+    data = record.read_example()
     notes = [f"note: {note.text} [{note.code}]" for note in warnings.check_shape(data)]
     return "\n".join(["```text", *build.summarise_shape(data), *notes, "```", ""])
 
 
 def compare_smallest_deflection() -> str:
     """Compare the smallest deflection at the example's worst marker, predicted and measured."""
-    data = record.read_sample()
+    data = record.read_example()
     predicted_mm = assess.assess_manifest(record.manifest_of(data)).rig.smallest_mm
     measured_mm = 3 * np.nanmax(1000 * data["standard_error"].values)
     return render(__file__, "guide-counted", predicted_mm=predicted_mm, measured_mm=measured_mm)
@@ -62,9 +62,9 @@ MANIFEST_PARTS: dict[str, type[BaseModel]] = {
     "cameras": manifests.CameraFiles,
     "board": board.BoardSpec,
     "excitation": manifest_parts.Excitation,
-    "calibration": manifest_parts.Reuse,
+    "calibration": manifest_parts.ReusedRig,
     "radiation": manifest_parts.Radiation,
-    "modes": manifest_parts.Sought,
+    "modes": manifest_parts.ModeSearch,
     "force": manifest_parts.Force,
     "sweep": manifest_parts.Sweep,
 }

@@ -83,7 +83,7 @@ class MissingCubeError(KeyError):
     """A piece needs a cube that does not exist; the argument is the name of the figure set."""
 
 
-def of_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
+def select_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
     """Return the cubes of a subject, such as ``beam``."""
     return [opened[name] for name, study in registry.STUDIES.items() if study.subject == subject]
 

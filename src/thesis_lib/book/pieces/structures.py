@@ -38,7 +38,7 @@ def show_plan(_: Cubes) -> str:
     scene = replace(scene, peaks=(SMALL_MM / 1000,) * len(scene.peaks))
     grid = np.radians(cameras[["azimuth_deg", "elevation_deg"]].to_numpy(float))
     distances_m = cameras["distance_mm"].to_numpy(float) / 1000
-    layout = positions.places_at(grid, distances_m, scene.focals[0])
+    layout = positions.combine_positions(grid, distances_m, scene.focals[0])
     point = errors.predict_errors(scene, layout, EXAMPLE_PLAN.resolutions_px[0][0])
     return render(
         __file__,

@@ -223,7 +223,7 @@ def measure_claimed(study: CameraStudy) -> xr.Dataset:
     only = [
         setting
         for setting in study.settings()
-        if any(c.speaks_of(setting.case, setting.value, setting.pair_order) for c in spoken)
+        if any(c.applies_to(setting.case, setting.value, setting.pair_order) for c in spoken)
     ]
     return studies.run(study, only=only)
 

@@ -230,7 +230,7 @@ DITHERED = {  # kind of dither: its name in words, and values to list in px
     "shake": ("shake", (0.1, 0.2, 0.3, 0.5)),
     "disc": ("diameter", (3, 5, 10)),
 }
-_OF_MARKERS = {"marker": shares.MARKER_DIAMETER_M, "followed_px": shares.FOLLOWED_PX}
+_OF_MARKERS = {"marker": shares.MARKER_DIAMETER_M, "followed_px": shares.MIN_TRACKED_HEIGHT_PX}
 
 
 def largest_std(cube: xr.Dataset, *names: str) -> float:
@@ -304,14 +304,14 @@ def list_dither(cube: xr.Dataset) -> dict[str, Any]:
             error, simulated = at[f"{name}_error"], at[f"drawn_{name}_error"]
             rows.append({"kind": kind, "value": at[name], "error": error, "drawn": simulated})
     std = largest_std(cube, *(f"drawn_{name}_error" for name in DITHERED))
-    whole = dither.ONE_FRAME**0.5
+    whole = dither.FRAME_VARIANCE_PX2**0.5
     return {"rows": rows, "whole": whole, "frames": shares.SHAKE_FRAMES, "std": std}
 
 
 def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
     """Return numbers of cameras at equal pixels per second; few, middle and most if `short`."""
     counts: list[int] = cube["count"].values.tolist()
-    followed = cube["count"].where(cube["marker_height"] >= shares.FOLLOWED_PX, 0)
+    followed = cube["count"].where(cube["marker_height"] >= shares.MIN_TRACKED_HEIGHT_PX, 0)
     most = [int(largest) for largest in followed.max("count").values]  # or 0, at each rate
     if short:  # and the largest numbers whose markers can be tracked
         ordered = sorted(counts)

@@ -12,8 +12,8 @@ from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies import fields, request
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
 
-LEAST_PX = 16  # width of a sensor
-MOST_FRAMES = 4000  # of a recording
+MIN_WIDTH_PX = 16  # width of a sensor
+MAX_FRAMES = 4000  # of a recording
 FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared
 Count = Annotated[fields.Whole, Field(ge=2, le=100)]
 
@@ -87,11 +87,11 @@ class DesignLaw(request.Study):
         if self.cone_distance_mm <= farther:
             self.refuse("cone_distance_mm", request.distance_limit(farther))
         width = self.shared[0]
-        if width.min() < LEAST_PX or width.max() > 20_000:
-            why = f"allowed: rates that leave each camera a sensor {LEAST_PX} to 20000 px wide"
+        if width.min() < MIN_WIDTH_PX or width.max() > 20_000:
+            why = f"allowed: rates that leave each camera a sensor {MIN_WIDTH_PX} to 20000 px wide"
             self.refuse("frame_rates_hz", why)
-        if self.duration_s * max(self.frame_rates_hz) > MOST_FRAMES:
-            self.refuse("duration_s", f"allowed: at most {MOST_FRAMES} frames")
+        if self.duration_s * max(self.frame_rates_hz) > MAX_FRAMES:
+            self.refuse("duration_s", f"allowed: at most {MAX_FRAMES} frames")
         low, high = 1 / self.duration_s, 0.4 * min(self.frame_rates_hz)
         if not low <= self.frequency_hz <= high:
             why = "from one over the duration to 0.4 of the lowest frame rate"

@@ -172,7 +172,7 @@ def shares(cube: xr.Dataset) -> Figure:
             frame.plot(n, part["drawn_frame_error"].sel(estimator=name), **look)
             film.plot(n, part["drawn_fit_error"].sel(estimator=name), **look)
         width = part["width_px"].values
-        lost = part["marker_height"].values < design_shares.FOLLOWED_PX
+        lost = part["marker_height"].values < design_shares.MIN_TRACKED_HEIGHT_PX
         sensor.plot(n, width, lw=1.2, color=ink)
         sensor.plot(n[~lost], width[~lost], "o", ms=3.5, color=ink)
         sensor.plot(n[lost], width[lost], "x", ms=4.5, color=ink)
@@ -187,7 +187,7 @@ def shares(cube: xr.Dataset) -> Figure:
         style.make_logarithmic(axes.yaxis, PERCENT_TICKS)
         axes.set_ylim(0.75 * least, 1.4 * most)
     style.make_logarithmic(sensor.yaxis, [100, 200, 500, 1000, 2000])
-    low, cross = design_shares.FOLLOWED_PX, {"ls": "none", "marker": "x", "ms": 4.5}
+    low, cross = design_shares.MIN_TRACKED_HEIGHT_PX, {"ls": "none", "marker": "x", "ms": 4.5}
     rates = zip(cube["rate"].values, inks, strict=True)
     styles: dict[str, dict[str, Any]] = {f"{r:g} Hz": {"color": ink, "lw": 4} for r, ink in rates}
     styles |= {name: {"ls": "none", **look} for name, look in dots.items()}
@@ -282,7 +282,7 @@ def dithering(cube: xr.Dataset) -> Figure:
     }
     one_frame: Any = {"color": style.RED, "ls": "--", "lw": 1.2}
     for axes, (name, title, words) in zip(grid, panels, strict=True):
-        axes.axhline(dither.ONE_FRAME**0.5, label="one coordinate, one frame", **one_frame)
+        axes.axhline(dither.FRAME_VARIANCE_PX2**0.5, label="one coordinate, one frame", **one_frame)
         axes.plot(*closed_forms[name], color=style.BLUE, lw=1.6, label="closed form")
         drawn = cube[f"drawn_{name}_error"]
         axes.plot(cube[name], drawn, "o", color=style.INK_COLOR, ms=2.4, label="drawn")

@@ -25,7 +25,7 @@ _RULES = [name.replace(" ", "-") for name in ESTIMATORS]  # as `simulation` name
 MARKER_DIAMETER_M = 0.005  # in chapter 5
 # Least height of a marker's image at which the laboratory's tracker follows all markers: in
 # `lab-elevation` it loses some, or all, at 1.4 px and below, and none at 1.6 px.
-FOLLOWED_PX = 1.5
+MIN_TRACKED_HEIGHT_PX = 1.5
 MAX_FITTED_TRIALS = 100  # of fits to all frames, which take longest
 MAX_FRAME_TRIALS = 50  # of one frame: 75 motions each, which give an rms to some percent
 _FILM_VALUES = 50_000  # camera × point values at a time, which fit the processor's cache
@@ -229,7 +229,7 @@ EQUIDISTANT_COUNTS = (4, 8, 12, 16, 32, 64)  # cameras at CROWD_DISTANCE_M
 CROWD_DISTANCE_M = 0.75
 RIG_NOISES_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # of NOISY_CAMERAS
 NOISY_CAMERAS = 12
-WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, searched for a tolerance
+SEARCHED_NOISES_PX = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, searched for a tolerance
 NOISY_LAYOUTS, NOISY_LAYOUT_CAMERAS = 150, 640  # limits there: layouts, and cameras in all layouts
 COMPARED_ESTIMATORS = ("least-squares", "analytic-centre")
 UNEQUAL_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))
@@ -279,14 +279,14 @@ def noise_tolerance(n_cameras: int, layouts: int, seed: int) -> float:
     """
     stand, gains = (CROWD_DISTANCE_M,) * n_cameras, np.empty(0)
     how: Any = {"seed": seed, "rules": COMPARED_ESTIMATORS}
-    for noise in WITH_NOISE:
+    for noise in SEARCHED_NOISES_PX:
         errors = simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise, **how)
-        least, centre = simulation.over_layouts(errors)
+        least, centre = simulation.rms_over_layouts(errors)
         gains = np.append(gains, 1 - centre / least)
         if gains[0] < _MIN_GAIN:
             return float("nan")
         if gains[-1] < gains[0] / 2:
-            return half_gain_noise(gains, WITH_NOISE)
+            return half_gain_noise(gains, SEARCHED_NOISES_PX)
     return float("inf")
 
 

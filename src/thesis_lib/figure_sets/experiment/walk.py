@@ -183,7 +183,7 @@ def draw_plane(data: xr.Dataset) -> Figure:
     found = data["picture_matches"].transpose("axis", "match").values
     scale = tracker.THESIS_SCALE_PX_PER_M
     grid, matches = (scale * (p + tracker.THESIS_REACH_M) for p in (MARKERS.positions, found))
-    places = tracker.assign_places(MARKERS.positions, found, tracker.gate_of(MARKERS))
+    places = tracker.assign_places(MARKERS.positions, found, tracker.assignment_gate(MARKERS))
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))
@@ -335,7 +335,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference, found = part.amplitude * part.shape(beam, beam.markers), []
     for method in figure_set.METHODS:
-        tracks, every, _ = compute.measure_way(data, figures.way_of(data, method))
+        tracks, every, _ = compute.measure_setting(data, figures.way_of(data, method))
         measured = every[MARKERS.middle_row]
         found.append((method, measured, compare_deflections(measured[None], reference)))
     return {

@@ -68,8 +68,8 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     ):
         panels = [axes[name] for name in row]
         pictures = style.draw_maps(panels, maps, *places, across, fontsize=8)
-        style.bar_beside(panels[0], pictures[0], labels[0])
-        style.bar_beside(panels[2], pictures[2], labels[1])
+        style.add_colorbar(panels[0], pictures[0], labels[0])
+        style.add_colorbar(panels[2], pictures[2], labels[1])
     return drawing
 
 

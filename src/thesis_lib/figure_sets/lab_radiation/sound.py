@@ -20,8 +20,8 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation
 from thesis_lib.laboratory import tracking
-from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, settle_rig
-from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes
+from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, shorten_rig
+from thesis_lib.measure.modes.identify import ModalError, ModeRequest, identify_modes
 from thesis_lib.measure.radiation import of_measurement, radiated
 from thesis_lib.measure.recordings.board import Markers, rows_on
 from thesis_lib.measure.recordings.validation import ChainError
@@ -144,7 +144,7 @@ def rig_of(study: LabRadiation, case: str, replicate: int) -> Rig:
     setting = study.setting(case)
     rig = camera_rig(study, own.structure, setting, study.frame_rate_hz, parts, seed, own.markers)
     rig = tracking.aim_cameras(rig, setting.distance_mm / 1000, draw)
-    return settle_rig(rig, draw.random(len(study.azimuths_deg)).tolist(), study.frames)
+    return shorten_rig(rig, draw.random(len(study.azimuths_deg)).tolist(), study.frames)
 
 
 # Of the true surface: more than twice those of a measurement, with a fifth of their sum's error
@@ -181,7 +181,7 @@ class MarkerSound:
         self._surface = surface = _surface(own, nodes)
         radius, places = markers.diameter / 2, surface.places
         #: Interpolation of the surface's motion between markers, by the first modes of its model
-        self.between = radiated.by_model(own.structure, markers.centres, radius, places)
+        self.between = radiated.fit_model(own.structure, markers.centres, radius, places)
         self._of: Any = self.between.moving, own.omega, medium
         self._power_form = surface.power_form(*self._of)
         self._plain_form = surface.plane_wave_form(*self._of)
@@ -232,7 +232,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     x, y = rig.markers.extent
     rates = np.resize(TAP_RATES_HZ, len(rig.stations)).tolist()
     how: Any = {"seconds": TAP_SECONDS, "rates": tuple(rates), "impulse": TAP_IMPULSE_NS}
-    rig = tracking.tap_structure(rig, TAP_DAMPING, (TAP_PLACE * x, y / 2), **how)
+    rig = tracking.add_impact(rig, TAP_DAMPING, (TAP_PLACE * x, y / 2), **how)
     assert isinstance(rig.motion, tracking.ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
     times = np.arange(0, HEARD_SECONDS, HEARD_STEP / of_measurement.SOUND_RATE_HZ)
@@ -243,15 +243,15 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     }
     values |= {"tap_frequency": hertz, "tap_time": times}
     try:
-        asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
+        asked = ModeRequest(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
         decay = tracking.select_free_decay(rig, _project_tracks(rig, scatter))
         found, _ = identify_modes(*decay, asked)
     except (ChainError, ModalError):
         return values
     own = drive_structure("beam")
-    surface = _surface(own, radiated.SURFACE_NODES)
+    surface = _surface(own, radiated.MIN_SURFACE_NODES)
     markers = rig.markers.centres  # seen as points, not by their edges
-    between = radiated.by_model(own.structure, markers, 0.0, surface.places)
+    between = radiated.fit_model(own.structure, markers, 0.0, surface.places)
     plane = planes.Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
     data = found.assign(grid_scale=1.0)  # cameras and grid have no errors
     shapes = of_measurement.shapes_of(data, np.ones(len(markers[0]), bool))

@@ -119,7 +119,7 @@ def _horizons(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     corners = np.array([[[-1, 1], [-1, 1]], [[-1, -1], [1, 1]], [[0, 0], [0, 0]]]) / 2
     corners = corners * np.array([length, width, 0])[:, None, None]  # coordinate, edge, end
     images = project(_aim_at_beam(study, cube["shown_distance"].values).P, corners)
-    ends = optics.append_one(np.moveaxis(images, 1, -1))  # distance, edge, end, coordinate
+    ends = optics.to_homogeneous(np.moveaxis(images, 1, -1))  # distance, edge, end, coordinate
     lines = optics.join_homogeneous(ends[:, :, 0], ends[:, :, 1])
     normals = lines[..., :2] / np.linalg.norm(lines[..., :2], axis=-1, keepdims=True)
     meeting = optics.from_homogeneous(optics.join_homogeneous(lines[:, 0], lines[:, 1]))

@@ -240,7 +240,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
             for curve in schema.structure_contours(cube):
                 panel.fill(*(1000 * (curve + middle)).T, fill=False, edgecolor=style.INK_COLOR)
         panel.plot(part["x"] * 1000, part["y"] * 1000, ".", color=style.INK_COLOR, ms=1.2)
-    style.bar_beside(axes["e"], pictures[0], "w in mm")
+    style.add_colorbar(axes["e"], pictures[0], "w in mm")
     return drawing
 
 
@@ -274,6 +274,6 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
             maps.append((f"error, {word} shape:\n{name}", error.T, limit))
         panels = [axes[name] for name in row]
         pictures = style.draw_maps(panels, maps, u, z, (plane[0], "Z"))
-        style.bar_beside(panels[0], pictures[0], f"Re p in {unit}")
-        style.bar_beside(panels[2], pictures[2], "error in Pa")
+        style.add_colorbar(panels[0], pictures[0], f"Re p in {unit}")
+        style.add_colorbar(panels[2], pictures[2], "error in Pa")
     return drawing

@@ -179,7 +179,7 @@ def run(
     return cube if turned is None else cube.assign(compare_turns(study, sounds, turned))
 
 
-MOST_NODES = 40_000  # of an integral; nearer planes, which need more, are left out
+MAX_INTEGRATION_NODES = 40_000  # of an integral; nearer planes, which need more, are left out
 # Steps between compared points along each side of a plane, or up to twice as many
 COMPARED_STEPS = 74
 
@@ -193,7 +193,7 @@ def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Ar
     """
     plate, found = study.structure, np.full((2, *largest.shape), np.nan)
     step = tuple(slice(None, None, max(1, (n - 1) // COMPARED_STEPS)) for n in fields.shape[2:])
-    near = np.prod(enough_nodes(plate, study.planes[0].bottom)) > MOST_NODES
+    near = np.prod(enough_nodes(plate, study.planes[0].bottom)) > MAX_INTEGRATION_NODES
     for m, (mode, peak) in enumerate(zip(study.modes, study.peaks_m, strict=True)):
         omega = structure.resonance_frequency(plate, mode)
         shape = partial(structure.deflection_shape, plate, mode, peak=peak)

@@ -122,7 +122,7 @@ def _for_sound(study: Planner, made: planner.Plan) -> dict[str, Any]:
     counts = sorted(study.counts)
     found = np.full((2, len(counts), 2, len(request.modes)), np.nan)
     shape, places = found[0, :, :, 0].copy(), np.full((3, len(counts), 2, max(counts)), np.nan)
-    for plans in zip(by_shape, planner.for_sound(by_shape, request), strict=True):
+    for plans in zip(by_shape, planner.optimise_for_sound(by_shape, request), strict=True):
         count = len(plans[0].layout)
         i = counts.index(count)
         for j, option in enumerate(plans):

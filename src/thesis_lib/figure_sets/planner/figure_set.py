@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.planning.positions import places_at
+from thesis_lib.planning.positions import combine_positions
 from thesis_lib.planning.request import Count, PlanRequest, Tilt
 from thesis_lib.studies import fields, request
 
@@ -109,7 +109,7 @@ class Planner(request.Study):
         grown = setups.array_settings(cases, order, {}, near, self.resolutions_px[0])
         focal = self.focal_length_mm / self.sensor_width_mm
         return {
-            (one.case, len(one.directions_deg)): places_at(
+            (one.case, len(one.directions_deg)): combine_positions(
                 np.radians(one.directions_deg), one.distance_mm / 1000, focal
             )
             for one in grown

@@ -24,20 +24,23 @@ from thesis_lib.measure.calibration import bundle_adjustment as bundle
 from thesis_lib.measure.calibration.bundle_adjustment import CalibrationError
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.manifest import Manifest, shot_paths
+from thesis_lib.measure.recordings.manifest import Manifest, image_paths
 from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
-_LEAST_SHOTS = 3  # two homographies already determine K without skew, but leave nothing to check
+# Two homographies already determine K without skew, but leave nothing to check
+_MIN_BOARD_IMAGES = 3
 _LEAST_TILT = np.radians(4.0)  # least angle between the two most different board poses
 # Largest standard deviation of a focal length over its value: real boards have 0.0006 (13 or 29
 # images), a webcam 0.007, five images of a bent board 0.008.
-_LEAST_PRECISION = 0.05
-_LITERAL_CORNERS = (6, 8)  # inner corners of the squares used in the thesis, Appendix D
+_MAX_FOCAL_STD = 0.05
+_THESIS_CORNERS = (6, 8)  # inner corners of the squares used in the thesis, Appendix D
 _MAX_FIT_TILES = 0.2  # largest rms distance between a board's poses by two cameras, in tiles
 _MIN_DISTINCT_RATIO = 2.0  # least ratio of the second-best rig's error to the best rig's
-_MOST_OFF = 1 / 3  # fraction of the shared poses above which the rig is wrong, not the poses
+_MAX_OUTLIER_FRACTION = (
+    1 / 3
+)  # fraction of the shared poses above which the rig is wrong, not the poses
 # Rms residual of the joint adjustment over that of each camera alone, above which the board moved
 # between simultaneous images: 1.0 on rendered and 1.1 on photographed boards, 10 on a board held by
 # hand in front of cameras that are up to 20 ms out of step.
@@ -77,9 +80,10 @@ def calibrate_camera(
         the standard deviation of a focal length exceeds 5 %.
     """
     used = [i for i, uv in enumerate(shots) if uv is not None and np.isfinite(uv).any()]
-    if len(used) < _LEAST_SHOTS:
+    if len(used) < _MIN_BOARD_IMAGES:
         raise CalibrationError(
-            f"{name}: {len(used)} of {len(shots)} board images show the board, needs {_LEAST_SHOTS}"
+            f"{name}: {len(used)} of {len(shots)} board images show the board, needs "
+            f"{_MIN_BOARD_IMAGES}"
         )
     every = [np.asarray(shots[i], float) for i in used]
     parts = [np.isfinite(uv).all(axis=0) for uv in every]
@@ -100,10 +104,10 @@ def calibrate_camera(
     ours[:2, 2] += HALF_PIXEL
     sigma = np.ravel(np.asarray(deviations, float))[:4]
     relative = float(np.max(sigma[:2] / np.diag(ours)[:2]))
-    if not 0 <= relative <= _LEAST_PRECISION:
+    if not 0 <= relative <= _MAX_FOCAL_STD:
         raise CalibrationError(
             f"{name}: the board images leave the focal length uncertain by {relative:.0%}, "
-            f"allowed {_LEAST_PRECISION:.0%}"
+            f"allowed {_MAX_FOCAL_STD:.0%}"
         )
     rotations, translations = np.full((len(shots), 3, 3), np.nan), np.full((len(shots), 3), np.nan)
     rotations[used] = [cv2.Rodrigues(turn)[0] for turn in turns]
@@ -120,7 +124,7 @@ def central_corners(board: Board) -> IntArray:
     A :class:`CalibrationError` is raised if the board has fewer corners.
     """
     nx, ny = board.shape
-    mx, my = _LITERAL_CORNERS
+    mx, my = _THESIS_CORNERS
     if nx < mx or ny < my:
         raise CalibrationError(f"board: given {nx} by {ny} corners, needs {mx} by {my} or more")
     index = np.arange(nx * ny).reshape(ny, nx)
@@ -203,7 +207,7 @@ def unify_corners(
             left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
         result[camera, shot] = np.asarray(shots[camera][shot])[:, orders[choice]]
     shared = np.count_nonzero(seen.sum(axis=0) > 1)
-    if len(left_out) > _MOST_OFF * shared:
+    if len(left_out) > _MAX_OUTLIER_FRACTION * shared:
         raise CalibrationError(
             f"{len(left_out)} of {shared} poses are up to {1e3 * max(left_out.values()):.1f} mm "
             f"off the rig of the others, allowed {1e3 * _MAX_FIT_TILES * board.tile:.1f} mm: do "
@@ -309,7 +313,7 @@ def adjust_cameras(
         finally:
             tick()
 
-    paths = [shot_paths(camera, folder) for camera in manifest.cameras]
+    paths = [image_paths(camera, folder) for camera in manifest.cameras]
     corners_in = iter(map_in_pairs(read_board, [path for row in paths for path in row]))
     lost, shots, single = [], [], []
     for k, (camera, row) in enumerate(zip(manifest.cameras, paths, strict=True)):

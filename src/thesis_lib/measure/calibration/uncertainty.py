@@ -29,7 +29,7 @@ from thesis_lib.measure.calibration import bundle_adjustment as bundle
 from thesis_lib.measure.recordings.board import Board
 
 # With fewer board poses the variance of some direction is often too small by chance
-MIN_JACKKNIFE_IMAGES = 5
+MIN_JACKKNIFE_POSES = 5
 _COVERED_PROBABILITY = 0.97725  # of a normal distribution, below two standard deviations
 
 
@@ -38,7 +38,7 @@ def jackknife_cameras(
 ) -> bundle.Adjustment:
     """Estimate the uncertainty of an adjustment's cameras by a jackknife over board poses.
 
-    With fewer than :data:`MIN_JACKKNIFE_IMAGES` poses, or if one of them is indispensable, the
+    With fewer than :data:`MIN_JACKKNIFE_POSES` poses, or if one of them is indispensable, the
     adjustment's own covariance is scaled by the variance between poses over that of independent
     corners. This assumes that errors of corners are correlated equally in all directions.
 
@@ -57,7 +57,7 @@ def jackknife_cameras(
         datum (see :func:`~.bundle_adjustment.camera_deviations`). ``deviations`` are its standard
         deviations of the lenses, widened so that ± 2 of them cover 95 %.
     """
-    n, own = len(adjustment.cameras), of_cameras(adjustment)
+    n, own = len(adjustment.cameras), camera_covariance(adjustment)
     boards = {name: getattr(adjustment, name)[:0] for name in ("rotations", "translations")}
     alone = replace(adjustment, covariance=own, **boards)
     free = np.diag(own) > 0
@@ -69,7 +69,7 @@ def jackknife_cameras(
     widths = np.ones(bundle.LENS_UNKNOWNS * n)
     rest = parts.sum(axis=0) + gauge @ gauge.T - parts  # without each pose, in a fixed gauge
     if (
-        len(parts) < MIN_JACKKNIFE_IMAGES
+        len(parts) < MIN_JACKKNIFE_POSES
         or np.linalg.eigvalsh(rest)[:, 0].min() < bundle.MIN_EIGENVALUE
     ):
         covariance = own * _variance_factor(parts, right, gauge, adjustment.sigma)
@@ -85,14 +85,14 @@ def jackknife_cameras(
     )
 
 
-def of_cameras(adjustment: bundle.Adjustment) -> Array:
+def camera_covariance(adjustment: bundle.Adjustment) -> Array:
     """Return the cameras' covariance in an adjustment, (14 n, 14 n): poses, then lenses."""
     n = len(adjustment.cameras)
     which = bundle.camera_unknowns(np.arange(n), n, len(adjustment.rotations))
     return adjustment.covariance[np.ix_(which, which)]
 
 
-def with_lenses(
+def add_lens_covariance(
     observations: Array, points: Array, adjustment: bundle.Adjustment, held: Array, poses: Array
 ) -> Array:
     """Add the uncertainty of lenses that were held fixed to the covariance of the cameras.
@@ -195,7 +195,7 @@ def jackknife_rig(
             blocks.append(alone.covariance[bundle.POSE_UNKNOWNS :, bundle.POSE_UNKNOWNS :])
         lens_covariance = np.asarray(scipy.linalg.block_diag(*blocks))
     if np.isfinite(lens_covariance).all():
-        covariance = with_lenses(used, points, full, lens_covariance, cameras.covariance)
+        covariance = add_lens_covariance(used, points, full, lens_covariance, cameras.covariance)
         cameras = replace(cameras, covariance=covariance)
     deviations = np.sqrt(np.diag(lens_covariance)).reshape(-1, bundle.LENS_UNKNOWNS)
     return replace(cameras, deviations=deviations)

@@ -30,7 +30,7 @@ from thesis_lib.studies.fields import format_given
 from thesis_lib.text import one_line
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
-OWN_FILE = "calibration.nc"
+CALIBRATION_FILE = "calibration.nc"
 _CAMERA_VARIABLES = ("K", "distortion", "size", "R_camera_world", "centre")
 _UNCERTAINTY_VARIABLES = ("board_poses", "focal_deviation", "centre_deviation", "covariance")
 FILE_SUFFIXES = (".yaml", ".yml", ".toml", ".xml", ".json", ".nc")
@@ -49,7 +49,7 @@ _AXES_TEXT = "x right, y down, and not mirrored"
 
 
 @dataclass(frozen=True)
-class Found:
+class ReusedCameras:
     """Cameras of a calibration file."""
 
     cameras: list[Camera]  #: In one frame, m
@@ -57,7 +57,7 @@ class Found:
     covariance: Array | None = None  #: Of their poses, then lenses, if known
 
 
-def read_cameras(path: Path, unit: str | None = None) -> Found:
+def read_cameras(path: Path, unit: str | None = None) -> ReusedCameras:
     """Return the cameras of a calibration in a file or folder.
 
     Parameters
@@ -75,7 +75,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     files = [path]
     if path.is_dir():
         texts = sorted(one for one in path.iterdir() if one.suffix.lower() in FILE_SUFFIXES[:-1])
-        files = [path / OWN_FILE] if (path / OWN_FILE).is_file() else texts
+        files = [path / CALIBRATION_FILE] if (path / CALIBRATION_FILE).is_file() else texts
     if not files or not all(map(Path.is_file, files)):
         raise ManifestError(f"{path}: no calibration there, allowed: {', '.join(FILE_SUFFIXES)}")
     if files[0].suffix.lower() == ".nc":
@@ -83,7 +83,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
             data = storage.open_netcdf(files[0])
             # The covariance has zeros for lenses with unknown errors
             told = np.isfinite(data["focal_deviation"].values).all()
-            return Found(rig.cameras_in(data), True, covariance_of(data) if told else None)
+            return ReusedCameras(rig.cameras_in(data), True, covariance_of(data) if told else None)
         except (cubes.CubeError, KeyError):
             raise ManifestError(f"{files[0]}: no calibration of a measurement") from None
     cameras, placed = [], []
@@ -111,7 +111,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
             f"{path}: cameras {apart:.4g} m apart, allowed: {MIN_MILLIMETRE_SPAN_M:g} m; if its "
             "lengths are in mm, give calibration.unit: mm"
         )
-    return Found(cameras, all(placed))
+    return ReusedCameras(cameras, all(placed))
 
 
 def _values(path: Path) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def _values(path: Path) -> dict[str, Any]:
         why = getattr(error, "strerror", None) or error
         raise ManifestError(
             f"{path}: not a calibration that can be read ({why}), allowed: {CALIBRATION_KINDS}, "
-            f"{OWN_FILE}"
+            f"{CALIBRATION_FILE}"
         ) from None
     return values if isinstance(values, dict) else {}
 
@@ -266,7 +266,7 @@ def write_cameras(path: Path, cameras: Sequence[Camera]) -> None:
 # Import of a calibration that a manifest names: cameras with poses, or lenses only.
 
 
-def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
+def reuse_calibration(manifest: Manifest, folder: Path) -> ReusedCameras | None:
     """Import the calibration that a manifest names, if any, with cameras in its order."""
     asked = manifest.calibration
     if asked is None:
@@ -295,7 +295,7 @@ def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
     if covariance is not None:
         rows = bundle.camera_unknowns(np.array(order), len(names))
         covariance = covariance[np.ix_(rows, rows)]
-    return Found([found.cameras[k] for k in order], found.placed, covariance)
+    return ReusedCameras([found.cameras[k] for k in order], found.placed, covariance)
 
 
 def describe_reused(cameras: Sequence[Camera], covariance: Array | None) -> xr.Dataset:
@@ -324,7 +324,7 @@ def covariance_of(calibration: xr.Dataset) -> Array | None:
     return covariance if np.isfinite(covariance).all() else None
 
 
-def to_keep(calibration: xr.Dataset) -> xr.Dataset:
+def select_reusable(calibration: xr.Dataset) -> xr.Dataset:
     """Return the variables of a calibration that another measurement can import."""
     names = [*_CAMERA_VARIABLES, *_UNCERTAINTY_VARIABLES]
     own = calibration[names].drop_attrs(deep=False).assign_attrs(title="Calibrated cameras")

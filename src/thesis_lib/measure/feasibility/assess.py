@@ -31,7 +31,7 @@ CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 
 COMPRESSED_ERROR_PX, LOSSLESS_ERROR_PX = 0.0783, 0.00414
 #: Acceptable shape error over the largest deflection: of compressed video at the least motion
 MAX_SHAPE_ERROR = COMPRESSED_ERROR_PX / CHECK_LIMITS["small-motion"]
-MIN_SEEN_SHARE = 0.5  # share of markers seen by two cameras that a shape needs
+MIN_VISIBLE_FRACTION = 0.5  # share of markers seen by two cameras that a shape needs
 MAX_HIGHER_MODES = 3  # natural frequencies above the driven one: those that ring longest
 MAX_MODES = 100  # natural frequencies searched for these
 MIN_MODE_RATIO = 1.2  # of the driven frequency; natural ones above it are of other modes
@@ -68,7 +68,7 @@ class Verdict:
     def outcome(self) -> str:
         """Return which video suffices: compressed, lossless, none, or why it is unknown."""
         outcomes = {  # the first that applies
-            "unseen": self.seen < MIN_SEEN_SHARE,
+            "unseen": self.seen < MIN_VISIBLE_FRACTION,
             "response": self.result == "response",
             "unknown": np.isnan(self.compressed_from_mm),
             "amplitude unknown": np.isnan(self.compressed),
@@ -112,7 +112,7 @@ def assess_manifest(manifest: Manifest) -> Assessment:
         errors = prediction.predict_errors(manifest, view, amplitude, CENTRE_NOISE_PX)
         if (result := manifest.excitation.behaviour.result) == "response":
             errors[1] = np.full_like(errors[1], np.nan)  # no harmonics are fitted
-        one, fit, rounding = map(prediction.rms_and_worst, errors)
+        one, fit, rounding = map(prediction.reduce_errors, errors)
         rig = RigPrediction(
             located=int(view.located.sum()),
             noise_px=CENTRE_NOISE_PX,
@@ -153,7 +153,7 @@ def _predict_shape_errors(
     needed_mm = np.array([compressed, lossless]) / MAX_SHAPE_ERROR
     seen = np.mean(view.seen[view.located].sum(axis=0) > 1) if rig.located > 1 else np.nan
     numbers = np.array([*shares, *needed_mm])
-    if result == "response" or seen < MIN_SEEN_SHARE:
+    if result == "response" or seen < MIN_VISIBLE_FRACTION:
         numbers[:] = np.nan
     return Verdict(result, *map(float, (*numbers, seen)))
 

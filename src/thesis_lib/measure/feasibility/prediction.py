@@ -217,13 +217,13 @@ def predict_errors(
     fit = noise * np.sqrt(2 / (rates * steady_seconds(manifest))) / np.abs(np.sinc(f * exposures))
     turn = 2 * np.pi * fold_frequency(f, rates.min()) / rates.min()
     return [
-        1000 * noise_errors(P, X, np.full(len(P), noise), seen),
-        1000 * noise_errors(P, X, fit, seen),
+        1000 * predict_noise_errors(P, X, np.full(len(P), noise), seen),
+        1000 * predict_noise_errors(P, X, fit, seen),
         1000 * rounding_errors(P, X, amplitude, turn, seen),
     ]
 
 
-def rms_and_worst(errors: Array) -> tuple[float, float]:
+def reduce_errors(errors: Array) -> tuple[float, float]:
     """Return root mean square and largest of the known errors; NaN if there are none."""
     known = errors[~np.isnan(errors)]
     if len(known) == 0:
@@ -231,7 +231,7 @@ def rms_and_worst(errors: Array) -> tuple[float, float]:
     return float(np.sqrt(np.mean(known**2))), float(known.max())
 
 
-def noise_errors(P: Array, points: Array, sigma: Array, seen: Mask) -> Array:
+def predict_noise_errors(P: Array, points: Array, sigma: Array, seen: Mask) -> Array:
     """Return the standard errors √Σ (∂Z/∂m σ)² of heights for centre noise, shape (n,), m.
 
     P are projection matrices (cameras, 3, 4), `points` (3, n) in m, `sigma` the noise of each
@@ -251,7 +251,7 @@ def rounding_errors(P: Array, points: Array, amplitude: float, turn: float, seen
     """Return the rms errors of whole-pixel centres by the law of rounding, shape (n,), m.
 
     The frame nearest to a maximum shows A cos ψ, with ψ uniform in ±turn/2, for an amplitude A in m
-    and a phase step `turn` between frames in rad. Other parameters are as in :func:`noise_errors`.
+    and a phase step `turn` between frames in rad. Others are as in :func:`predict_noise_errors`.
     """
     up = np.zeros((3, 16, 1))
     up[2, :, 0] = amplitude * np.cos((np.arange(16) + 0.5) / 16 * turn / 2)
@@ -287,7 +287,7 @@ def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]
     manifest, own = draft_manifest(given), {k: v for k, v in given.items() if k != "cameras"}
     assumed = template.find_assumed(manifest, own, REPORTED_FIELDS)
     folder.mkdir(parents=True, exist_ok=True)
-    whole_text(path, template.text_of(manifest, assumed))
+    whole_text(path, template.format_manifest(manifest, assumed))
     places = ", ".join(f"{c.azimuth_deg:g}°" for c in manifest.cameras)
     first = manifest.cameras[0]
     where = (
@@ -319,7 +319,7 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         for i in range(count)
     ]
     filled = {"excitation.steady_interval_s": STEADY_INTERVAL_S} | _default_markers(rest) | rest
-    values = template.with_given(cameras, filled)
+    values = template.merge_given(cameras, filled)
     manifest = validate_manifest(values)
     size = manifest.structure.width_mm, manifest.structure.length_mm
     turn = np.radians(FIRST_AZIMUTH_DEG) + 2 * np.pi * np.arange(count) / count

@@ -46,7 +46,7 @@ MAX_DIRECTIONS = 16  # principal directions of the calibration error that are ke
 SHARED_VARIABLES = read_variables(__file__, "shared_errors")
 
 
-def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
+def widen_frozen_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
     """Return one camera's harmonics with scatter increased for motion lost by video compression.
 
     A codec repeats a part of an image that hardly changes: small motions are lost, slightly larger

@@ -28,7 +28,8 @@ MIN_EXPLAINED_SHARE = 0.5  # share of their variance that one frequency must exp
 PHASE_PARTS = 12  # largest number of parts whose phases are compared
 MIN_PART_FRAMES = 16  # fewest frames of such a part
 MIN_CLOCK_SIGMAS = 5.0  # standard errors above which a clock is corrected
-LEAST_TURN = 0.01  # phase in rad, over the recording or at its start, above which it is corrected
+# Phase in rad, over the recording or at its start, above which it is corrected
+MIN_PHASE_RAD = 0.01
 
 
 class FrequencyError(ValueError):
@@ -45,7 +46,7 @@ class Advance:
     growth: float  #: Change of the amplitude over the whole recording, relative to its mean
 
 
-def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float:
+def search_frequency(recordings: Sequence[Recording], begin: float, end: float) -> float:
     """Estimate the frequency in Hz, below half of every frame rate, that explains most motion."""
     series = [liveliest_series(own, begin, end) for own in recordings]
     length = min(float(times[-1] - times[0]) for times, _ in series)
@@ -202,7 +203,7 @@ def estimate_paces(
     error = np.hypot(error[0], error) / frequency
     rate[0] = error[0] = 0.0
     turn = 2 * np.pi * frequency * np.abs(rate) * (end - begin)
-    return rate, error, (np.abs(rate) > MIN_CLOCK_SIGMAS * error) & (turn > LEAST_TURN)
+    return rate, error, (np.abs(rate) > MIN_CLOCK_SIGMAS * error) & (turn > MIN_PHASE_RAD)
 
 
 def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording]:
@@ -210,7 +211,7 @@ def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording
     at = float(data["steady"].mean())
     paces = np.where(data["corrected"], data["pace"], 0.0)
     return [
-        replace(moved := own.paced(1 / (1 + float(pace)), at), delay=moved.delay + float(lag))
+        replace(moved := own.scale_clock(1 / (1 + float(pace)), at), delay=moved.delay + float(lag))
         for own, pace, lag in zip(recordings, paces, data["lag"].values, strict=True)
     ]
 
@@ -246,7 +247,7 @@ def correct_starts(fit: Fitted, omega: float, exposures: Array) -> tuple[Fitted,
     standard errors, (cameras,), s.
     """
     turn, errors = phase_lags(fit, omega, exposures)
-    certain = np.abs(turn) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN)
+    certain = np.abs(turn) > np.maximum(MIN_CLOCK_SIGMAS * errors, MIN_PHASE_RAD)
     late = np.where(certain, turn, 0.0) / omega
     moved = [own.earlier(omega, float(s)) for own, s in zip(fit.harmonics, late, strict=True)]
     return replace(fit, harmonics=moved), late, errors / omega

@@ -15,7 +15,10 @@ from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.vision.pinhole import Camera, project, projection_matrices
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
-GRID_SHARE, GRID_SCALE = 0.1, 0.01  # largest rms misfit over spacing, and scale error, at rest
+MAX_GRID_MISFIT, MAX_GRID_SCALE_ERROR = (
+    0.1,
+    0.01,
+)  # largest rms misfit over spacing, and scale error, at rest
 
 
 def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
@@ -197,8 +200,8 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
             "line, which does not tell how the structure is turned about it: move a camera, or add "
             "markers beside the line"
         )
-    most = GRID_SHARE * float(markers.nearest.min())
-    if frame.rms <= most and abs(frame.scale - 1) <= GRID_SCALE:
+    most = MAX_GRID_MISFIT * float(markers.nearest.min())
+    if frame.rms <= most and abs(frame.scale - 1) <= MAX_GRID_SCALE_ERROR:
         if np.any(frame.to_beam(np.array([c.centre for c in cameras]).T)[2] >= 0):
             return frame
         raise ChainError(
@@ -214,7 +217,7 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
     raise ChainError(
         f"the markers at rest are {1000 * frame.rms:.1f} mm off their grid, whose size comes out "
         f"as {frame.scale:.3f} of the nominal one (allowed: {1000 * most:.2g} mm, "
-        f"{GRID_SCALE:.0%}); {who if off[worst] > 1 else ''}are "
+        f"{MAX_GRID_SCALE_ERROR:.0%}); {who if off[worst] > 1 else ''}are "
         "videos and board images those of the same cameras, and tile and spacings as the "
         "manifest says?"
     )

@@ -158,11 +158,11 @@ def shape_result(
     still = harmonics.rest_of(manifest, recordings, still_s)
     rest, frame = still.images, still.frame
     given = float(sound["frequency"])
-    start = given if np.isfinite(given) else clocks.look_for(recordings, begin, end)
+    start = given if np.isfinite(given) else clocks.search_frequency(recordings, begin, end)
     order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
     paces, pace_errors, corrected = clocks.estimate_paces(recordings, begin, end, start, order)
     recordings = [  # corrected about the middle
-        own.paced(1 / (1 + float(pace)), 0.5 * (begin + end)) if is_off else own
+        own.scale_clock(1 / (1 + float(pace)), 0.5 * (begin + end)) if is_off else own
         for own, pace, is_off in zip(recordings, paces, corrected, strict=True)
     ]
     phases = clocks.phase_advance(recordings, begin, end, start, order)
@@ -175,7 +175,7 @@ def shape_result(
     for own, seen in zip(recordings, raw.harmonics, strict=True):
         power = harmonics.noise_near(own, seen, omega, begin, end)
         noisy = replace(seen, covariance=power * seen.covariance)
-        softened.append(errors.restore_scatter(noisy, markers.centres))
+        softened.append(errors.widen_frozen_scatter(noisy, markers.centres))
     fit = replace(raw, harmonics=[own for own, _ in softened])
     fit, lags, lag_errors = clocks.correct_starts(fit, omega, exposures)
     complex_shape = harmonics.deflection_amplitude(fit, omega, exposures)
@@ -207,7 +207,7 @@ def shape_result(
         "x": markers.centres[0],
         "y": markers.centres[1],
         "deflection": shape,
-        "standard_error": np.hypot(wide * error, size_off(frame.scale) * shape),
+        "standard_error": np.hypot(wide * error, scale_error(frame.scale) * shape),
         "error_of_scatter": error,
         "in_plane": np.sqrt(np.sum(np.abs(moved) ** 2, axis=0)),
         "in_plane_excess": more,
@@ -272,7 +272,7 @@ def _compare_aliases(
     rates, near = np.array([own.rate for own in recordings]), 1 / (end - begin)
     end = min(end, begin + ALIAS_FRAMES / float(rates.min()))
     highest = MAX_ALIAS_RATIO * float(rates.max())
-    alike = [frequency, *list_rivals(frequency, rates, near, near, highest)]
+    alike = [frequency, *list_common_aliases(frequency, rates, near, near, highest)]
     exposures = np.array([own.exposure for own in recordings])
     apart = []
     for other in alike:
@@ -282,7 +282,7 @@ def _compare_aliases(
     return np.array(alike), np.array(apart)
 
 
-def list_rivals(
+def list_common_aliases(
     frequency: float, rates: Array, near: float, lowest: float, highest: float
 ) -> list[float]:
     """List the other frequencies in Hz with the same alias as this one at all frame rates.
@@ -306,6 +306,6 @@ def _frame_jitter(own: Recording) -> float:
     return float(np.std(times[k] - np.polyval(np.polyfit(k, times[k], 1), k)))
 
 
-def size_off(scale: float) -> float:
+def scale_error(scale: float) -> float:
     """Return the relative scale error of shapes for a measured grid scale; 0 if tolerated."""
     return scale - 1 if abs(scale - 1) > MAX_SCALE_ERROR else 0.0

@@ -32,7 +32,7 @@ class ModalError(ValueError):
 
 
 @dataclass(frozen=True)
-class Asked:
+class ModeRequest:
     """Requested modes."""
 
     band: tuple[float, float]  #: Lowest and highest frequency, Hz
@@ -42,7 +42,7 @@ class Asked:
 
 
 def identify_modes(
-    tracks: Sequence[Track], rest: reconstruction.Rest, asked: Asked
+    tracks: Sequence[Track], rest: reconstruction.Rest, asked: ModeRequest
 ) -> tuple[xr.Dataset, list[harmonics.Fitted]]:
     """Identify the modes in the tracks of all cameras, in the order of their frequencies.
 
@@ -86,7 +86,7 @@ def identify_modes(
         _check_found(blocks, orders, asked)
         poles = orders[min(most, len(orders)) - 1]
         if turn == 0:
-            poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
+            poles, rivals = _resolve_aliases(own, blocks, poles, rest, asked)
             given = tuple(poles.rates[:, 1] / (2 * np.pi))
         found, noise = motions.estimate_shapes(own, blocks, poles, rest)
         if turn == OUTLIER_ROUNDS:
@@ -106,7 +106,7 @@ def identify_modes(
     after = fits.residual_spectrum(blocks, poles.rates, asked.band)
     most_left, mean_left = fits.residual_power(after, poles, fits.span_of(blocks))
     wider = np.sqrt(np.maximum(mean_left, 1))  # noise near each mode over the median noise
-    surely = _disagreeing(poles, wider, orders[len(poles.rates) :])
+    surely = _inflate_covariance(poles, wider, orders[len(poles.rates) :])
     order = np.argsort(poles.frequency)
     taken = np.array([own[0][0] for own in rivals])
     nearest = [int(np.argmin(np.abs(taken - f))) for f in poles.frequency[order]]
@@ -168,7 +168,7 @@ def modal_assurance(shapes_: ArrayLike) -> Array:
         return np.asarray(cross / (power * power.T) ** 0.5, float)
 
 
-def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
+def _inflate_covariance(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
     """Increase the covariance of the poles where errors exceed the noise.
 
     Standard errors grow by Birge's ratio where cameras disagree significantly, at least by `wider`
@@ -201,12 +201,12 @@ def _scale(block: TrackBlock, poles: Poles) -> Array:
     return np.asarray(middle * np.sqrt(np.diag(poles.covariance)[::2]), float)
 
 
-def _nearest_in_step(
+def _resolve_aliases(
     tracks: Sequence[Track],
     blocks: Sequence[TrackBlock],
     poles: Poles,
     rest: reconstruction.Rest,
-    asked: Asked,
+    asked: ModeRequest,
 ) -> tuple[Poles, list[list[tuple[float, float]]]]:
     """Set each mode to the alias frequency at which the cameras' phases agree best.
 
@@ -218,7 +218,9 @@ def _nearest_in_step(
     near, told = 1 / fits.span_of(blocks), []
     for k, (alpha, omega) in enumerate(poles.rates):
         own = omega / (2 * np.pi)
-        others = result.list_rivals(own, frames, near, max(asked.band[0], near), asked.band[1])
+        others = result.list_common_aliases(
+            own, frames, near, max(asked.band[0], near), asked.band[1]
+        )
         apart: list[tuple[float, float]] = []
         for other in [own, *others] if others else []:
             trial = np.array([[alpha, 2 * np.pi * other]])
@@ -234,7 +236,7 @@ def _nearest_in_step(
     return fits.fit_poles(blocks, rates, asked.damped), told
 
 
-def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
+def _check(tracks: Sequence[Track], asked: ModeRequest, most: int) -> None:
     """Refuse too few frames or markers, and given frequencies that cannot be resolved."""
     fewest = min(len(track.times) for track in tracks)
     needed = 4 * most + 4
@@ -260,7 +262,7 @@ def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
         )
 
 
-def _check_found(blocks: Sequence[TrackBlock], orders: Sequence[Poles], asked: Asked) -> None:
+def _check_found(blocks: Sequence[TrackBlock], orders: Sequence[Poles], asked: ModeRequest) -> None:
     """Refuse tracks in which no mode, or not each given one, exceeds the noise."""
     rates = orders[-1].rates if orders else np.empty((0, 2))
     hertz, seconds = rates[:, 1] / (2 * np.pi), fits.span_of(blocks)
@@ -292,13 +294,13 @@ def modes_result(
     :mod:`~thesis_lib.measure.fitting.errors`, and standard errors of shapes include it.
     """
     rest = harmonics.rest_of(manifest, recordings, manifest.excitation.rest_duration_s)
-    frame_off = result.size_off(rest.frame.scale)
+    frame_off = result.scale_error(rest.frame.scale)
     begin, end = fit_window(manifest, sound, recordings)
     seen = motions.tracks_of(recordings, begin, end)
     sought = manifest.excitation.modes
     band = sought.from_hz, sought.to_hz or 0.5 * min(own.rate for own in recordings)
     decays = manifest.excitation.behaviour.decays
-    asked = Asked(band, sought.count, decays, sought.near_hz or ())
+    asked = ModeRequest(band, sought.count, decays, sought.near_hz or ())
     found, images = identify_modes(seen, rest, asked)
     amplitude = complex_of(found, "amplitude")
     turns = np.exp([[-1j * harmonics.common_phase(own)] for own in amplitude])

@@ -35,7 +35,7 @@ POINTS_PER_FRAME = 8  # grid points between frames; and in a period of the highe
 MIN_POWER = 1e-12
 PRINCIPAL_SERIES = 16  # principal motions of a camera's markers whose powers are summed
 POINTS_PER_LINE = 4  # points of the spectrum per 1 / length of the recording
-STANDS_OUT = 4.0  # smallest power over noise of a line that is a mode
+MIN_LINE_POWER_RATIO = 4.0  # smallest power over noise of a line that is a mode
 TRIAL_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0)  # trial decays over the length of the recording
 MAX_RELATIVE_OFFSET = 0.01  # relative search range about a given frequency
 MIN_MODE_SPACING = 1.0  # smallest resolved distance of modes, times the length of the recording
@@ -297,7 +297,7 @@ def strongest_line(
     if near is not None:
         clear &= np.abs(seen.frequency - near) <= search_range(near, span_of(blocks))
     power = np.where(clear, seen.power, 0.0)
-    if not power.size or not power.max() > STANDS_OUT:
+    if not power.size or not power.max() > MIN_LINE_POWER_RATIO:
         return None
     return Spectrum(seen.frequency, power).peak[0]
 

@@ -21,16 +21,17 @@ import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import harmonics, reconstruction
-from thesis_lib.measure.fitting.errors import in_plane, restore_scatter
-from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
+from thesis_lib.measure.fitting.errors import in_plane, widen_frozen_scatter
+from thesis_lib.measure.fitting.frequency import MIN_CLOCK_SIGMAS, MIN_PHASE_RAD, phase_lags
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
 
 NEIGHBOUR_COUNT = 8  # neighbours of a marker
-MAX_SPREADS = 8.0  # outlier limit over the neighbours' spread plus the usual distance from them
+# Outlier limit over the neighbours' spread plus the usual distance from them
+MAX_OUTLIER_SPREADS = 8.0
 MIN_WORST_RATIO = 0.3  # of a marker's largest distance, below which outliers wait for the next pass
-MAX_LOOKS = 6
+MAX_PASSES = 6
 # Error over the median, above which a camera is not used for a marker
 MAX_ERROR_RATIO = 8.0
 ASSUMED_START_STD_S = 0.01  # assumed standard uncertainty of the starts in s
@@ -85,7 +86,7 @@ def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places:
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * scipy.spatial.KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
-    for _ in range(MAX_LOOKS):
+    for _ in range(MAX_PASSES):
         left = fits.fit_amplitudes(block, rates).residual
         left = np.where(block.known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = find_strays(left, places)
@@ -109,7 +110,7 @@ def find_strays(moved: Array, places: Array) -> Mask:
         middle = _median(around)
         spread = _median(np.abs(around - middle[..., None]))
         off = np.abs(moved - middle)
-        limit = MAX_SPREADS * (spread + np.nanmedian(off, axis=0))
+        limit = MAX_OUTLIER_SPREADS * (spread + np.nanmedian(off, axis=0))
         worst = np.nanmax(np.where(off > limit, off, 0), axis=0)
         far = (off > limit) & (off > MIN_WORST_RATIO * worst)
     return np.asarray(far.any(axis=1), bool)
@@ -190,7 +191,7 @@ def estimate_shapes(
     for k, rate in enumerate(poles.rates):
         omega = float(rate[1])
         own = [
-            restore_scatter(one[k].raised(images_at), rest.places)[0]
+            widen_frozen_scatter(one[k].raised(images_at), rest.places)[0]
             for one, images_at in zip(seen, images, strict=True)
         ]
         fit = harmonics.Fitted(cameras, own, rest.images, rest.frame)
@@ -249,7 +250,7 @@ def camera_lags(found: Sequence[Shape], poles: fits.Poles) -> tuple[Array, Array
     with np.errstate(divide="ignore"):
         errors = 1 / np.sqrt(np.nansum((omega[:, None] / error) ** 2, axis=0))
     errors[0] = 0.0
-    certain = np.abs(best) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN / omega.max())
+    certain = np.abs(best) > np.maximum(MIN_CLOCK_SIGMAS * errors, MIN_PHASE_RAD / omega.max())
     return np.where(certain, best, 0.0), errors
 
 
@@ -265,5 +266,5 @@ def clock_rates(poles: fits.Poles, span: float) -> Array:
     deviation = 1 / np.sqrt(np.sum(weight, axis=1))
     fast = high[0] - high
     error = np.hypot(deviation, deviation[0])
-    enough = np.maximum(MIN_CLOCK_SIGMAS * error, LEAST_TURN / omega.max() / span)
+    enough = np.maximum(MIN_CLOCK_SIGMAS * error, MIN_PHASE_RAD / omega.max() / span)
     return np.where(np.abs(fast) > enough, fast, 0.0)

@@ -12,7 +12,7 @@ import xarray as xr
 from thesis_lib.acoustics import estimates, surfaces
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.fitting.result import model_of, size_off
+from thesis_lib.measure.fitting.result import model_of, scale_error
 from thesis_lib.measure.radiation import radiated
 from thesis_lib.measure.recordings import manifest_parts, text_files, validation
 from thesis_lib.measure.recordings.manifest import Manifest
@@ -135,7 +135,7 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
     amplitudes are in m, mode after mode.
     """
     amplitude = complex_of(data, "amplitude")[:, known]
-    rows = [size_off(float(data["grid_scale"].values.flat[0])) * amplitude[None]]
+    rows = [scale_error(float(data["grid_scale"].values.flat[0])) * amplitude[None]]
     if "shared_real" in data:  # else the errors of the calibration are unknown
         shared = complex_of(data.transpose("row", "mode", "marker", ...), "shared")
         rows.append(shared[:, :, known])
@@ -155,19 +155,19 @@ def _choose_motion(
     corners: Array,
     markers: Array,
     shapes: estimates.Amplitudes,
-) -> radiated.Between:
+) -> radiated.SurfaceModel:
     """Interpolate the markers' motion to places (2, n): by a model if it fits, else a spline."""
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
         radius = structure.markers.diameter_mm / 2000
-        found = radiated.by_model(model, markers, radius, places)
+        found = radiated.fit_model(model, markers, radius, places)
         each = np.arange(len(shapes.value)).reshape(-1, markers.shape[1])
         left = np.array([found.left(shapes.part(own)) for own in each])
         if asked.between == "model" or np.all(left[:, 0] <= MAX_MODEL_CHI * left[:, 1]):
             return found
     step = radiated.largest_gap(markers)
     held = radiated.edge_places(corners, asked.held_edges(structure.kind), step)
-    return radiated.by_spline(markers, held, places)
+    return radiated.fit_spline(markers, held, places)
 
 
 def write_sound(folder: Path, data: xr.Dataset) -> None:

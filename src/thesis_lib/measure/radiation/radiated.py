@@ -32,14 +32,14 @@ from thesis_lib.vibration.structure import Beam, Plate
 
 Model = Beam | Plate | Panel
 MARKERS_PER_WAVE = 3  # per wavelength of the shortest fitted mode
-TELL_APART = 30.0  # largest condition number of a fit
+MAX_CONDITION_NUMBER = 30.0  # largest condition number of a fit
 EDGE_POINTS = 12  # places on a marker's edge
 MAX_TRIED_MODES = 60
 OCTAVE_RATIO = 10**0.3  # base ten, as in the standard
 NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
 ALL_TONES = "all"
-SURFACE_NODES = 1600  # at least
-PER_WAVE = 8  # nodes per acoustic wavelength, at least
+MIN_SURFACE_NODES = 1600  # at least
+NODES_PER_WAVELENGTH = 8  # nodes per acoustic wavelength, at least
 LISTED_RADIATION_MODES = 6  # in a result
 DECIBELS_PER_NEPER = 10 / np.log(10)
 VARIABLES = read_variables(__file__, "sound")
@@ -49,7 +49,7 @@ NO_WALL_VARIABLES = read_variables(__file__, "without_wall")
 
 
 @dataclass(frozen=True)
-class Between:
+class SurfaceModel:
     """Linear interpolation of the surface's motion from its markers'."""
 
     kind: Literal["model", "spline"]
@@ -83,7 +83,7 @@ def largest_gap(markers: Array) -> float:
     return float(max(np.max(side, initial=0, where=np.isfinite(side)) for side in sides))
 
 
-def by_model(model: Model, markers: Array, radius: float, places: Array) -> Between:
+def fit_model(model: Model, markers: Array, radius: float, places: Array) -> SurfaceModel:
     """Interpolate by a model's first modes, from markers (2, n) to places (2, ...)."""
     waves = 2 * np.pi / (MARKERS_PER_WAVE * largest_gap(markers))
     turn = 2 * np.pi * (np.arange(EDGE_POINTS) + 0.5) / EDGE_POINTS
@@ -92,13 +92,13 @@ def by_model(model: Model, markers: Array, radius: float, places: Array) -> Betw
     shown = _shapes(model, edge.reshape(2, -1), waves).reshape(-1, markers.shape[1], EDGE_POINTS)
     A = np.mean(shown, axis=2).T
     count = max(1, min(A.shape[1], len(A) // 2))  # else noise would be fitted, too
-    while count > 1 and np.linalg.cond(A[:, :count]) > TELL_APART:
+    while count > 1 and np.linalg.cond(A[:, :count]) > MAX_CONDITION_NUMBER:
         count -= 1
     fit = np.linalg.pinv(A[:, :count])
     flat = places.reshape(2, -1)
     at = _shapes(model, _inside(model, flat, flat), waves)[:count].T
     moving = (at @ fit).reshape(*places.shape[1:], markers.shape[1])
-    return Between("model", moving, A[:, :count] @ fit, count)
+    return SurfaceModel("model", moving, A[:, :count] @ fit, count)
 
 
 def _inside(model: Model, points: Array, instead: Array) -> Array:
@@ -129,7 +129,7 @@ def _shapes(model: Model, points: Array, waves: float) -> Array:
     return np.asarray(shapes[np.argsort(k, kind="stable")])
 
 
-def by_spline(markers: Array, held: Array, places: Array) -> Between:
+def fit_spline(markers: Array, held: Array, places: Array) -> SurfaceModel:
     """Interpolate by a thin plate spline through markers (2, n) that is zero at held (2, k)."""
     n = markers.shape[1]
     every = np.concatenate([markers, held], axis=1).T
@@ -143,7 +143,7 @@ def by_spline(markers: Array, held: Array, places: Array) -> Between:
         )
         others[i] = without(every[[i]])[0]
     moving = surface(places.reshape(2, -1).T).reshape(*places.shape[1:], n)
-    return Between("spline", moving, others)
+    return SurfaceModel("spline", moving, others)
 
 
 def edge_places(corners: Array, edges: list[int], step: float) -> Array:
@@ -176,7 +176,7 @@ def group_octaves(hertz: ArrayLike) -> dict[str, IntArray]:
 
 def radiate_sound(
     surface: surfaces.Surface,
-    between: Between,
+    between: SurfaceModel,
     omegas: Sequence[float],
     shapes: estimates.Amplitudes,
     points: Array,
@@ -309,7 +309,10 @@ def _levels(
 def count_nodes(extent: tuple[float, float], omega: float, medium: radiation.Medium) -> int:
     """Return the number of nodes that a surface of an extent in m needs."""
     wave = 2 * np.pi * medium.speed_of_sound / omega
-    return max(SURFACE_NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
+    return max(
+        MIN_SURFACE_NODES,
+        int(np.ceil(np.prod([NODES_PER_WAVELENGTH * side / wave for side in extent]))),
+    )
 
 
 def estimate_change(

@@ -16,13 +16,8 @@ import av
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.media_info import (
-    MediaError,
-    check_is_file,
-    open_media,
-    sound_tracks,
-    start_of_film,
-)
+from thesis_lib.measure.recordings import media_info
+from thesis_lib.measure.recordings.media_info import MediaError
 
 BLOCK_SAMPLES = 1 << 16  # samples that are read at once
 SAMPLE_FORMAT = "flt"  # interleaved channels: PyAV cannot read eight planes or more
@@ -32,7 +27,7 @@ PRIMING_S = 0.15  # time at either end in which a jump is encoder priming: 4 AAC
 MILLISECOND_S = 1.001e-3  # rounding of time stamps in containers that count in milliseconds
 PACE_PARTS = 16  # parts of a track whose mean time stamps give the standard error of the pace
 PACE_SIGMAS = 5.0  # standard errors beyond which a pace differs significantly from 1
-MAX_FAINT_RATIO = 0.1  # rms over the loudest channel's or track's (−20 dB), below which: no signal
+MIN_LEVEL_RATIO = 0.1  # rms over the loudest channel's or track's (−20 dB), below which: no signal
 MAX_SILENT_RMS = 1e-4  # rms below which there is no signal: three steps of 16 bits
 FULL_SCALE = 1 - 1e-4  # level from which a sample counts as clipped
 MAX_CANCELLED_RATIO = 0.5  # rms of a mix over that of uncorrelated channels; below, these cancel
@@ -110,13 +105,13 @@ def probe_audio(path: Path, channel: int | None = None) -> AudioTrack:
     MediaError
         If there is no audio track or no such channel, or if the audio is empty, damaged or gapped.
     """
-    check_is_file(path)
+    media_info.check_is_file(path)
     now = path.stat()
     surveys = _survey(path, (now.st_ino, now.st_size, now.st_mtime_ns))
     if not surveys:
         raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
     if channel is None:
-        index, chosen, words = _loud(surveys)
+        index, chosen, words = _select_channels(surveys)
     else:
         every = [(k, [c]) for k, one in enumerate(surveys) for c in range(one.channels)]
         if channel > len(every):
@@ -129,7 +124,7 @@ def probe_audio(path: Path, channel: int | None = None) -> AudioTrack:
     if not survey.counts:
         raise MediaError(f"{path}: the audio track is empty")
     first, last, start, pace = _timing(path, survey)
-    film = start_of_film(path)
+    film = media_info.first_frame_time(path)
     rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
     own = rate / pace
     if own != rate:
@@ -172,9 +167,9 @@ def _mix_blocks(path: Path, index: int, part: slice, channels: list[int]) -> Ite
     """Yield blocks of samples from a range of a track's frames, the mean of some channels."""
     convert = av.AudioResampler(format=SAMPLE_FORMAT)
     blocks, held = [], 0
-    with open_media(path) as file:
+    with media_info.open_media(path) as file:
         try:
-            frames = file.decode(sound_tracks(file)[index])
+            frames = file.decode(media_info.sound_tracks(file)[index])
             for frame in islice(frames, part.start, part.stop):
                 for block in convert.resample(frame):
                     blocks.append(_samples_of(block)[channels].mean(axis=0))
@@ -191,8 +186,8 @@ def _mix_blocks(path: Path, index: int, part: slice, channels: list[int]) -> Ite
 @lru_cache(maxsize=64)
 def _survey(path: Path, _as_it_is: tuple[int, ...]) -> list[_Survey]:
     """Decode all audio tracks for time stamps and levels; cached until the file changes."""
-    with open_media(path) as file:
-        tracks, found = sound_tracks(file), {}
+    with media_info.open_media(path) as file:
+        tracks, found = media_info.sound_tracks(file), {}
         for one in tracks:
             hidden = file.format.name == "avi" and one.codec_context.name.startswith("mp3")
             late = MP3_DELAY if hidden else 0
@@ -213,17 +208,17 @@ def _survey(path: Path, _as_it_is: tuple[int, ...]) -> list[_Survey]:
     return [*found.values()]
 
 
-def _loud(surveys: Sequence[_Survey]) -> tuple[int, list[int], str]:
+def _select_channels(surveys: Sequence[_Survey]) -> tuple[int, list[int], str]:
     """Choose the track and its channels with a signal; describe them if others have none."""
     levels = [
         0.0 if one.damaged else np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0)
         for one in surveys
     ]
-    track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
+    track = next(k for k, level in enumerate(levels) if level >= MIN_LEVEL_RATIO * max(levels))
     words = [f"track {track + 1} of {len(surveys)}"] if track else []
     covariance = surveys[track].covariance
     each = np.sqrt(np.diag(covariance).clip(0))
-    channels = np.flatnonzero(each >= MAX_FAINT_RATIO * each.max(initial=0.0))
+    channels = np.flatnonzero(each >= MIN_LEVEL_RATIO * each.max(initial=0.0))
     part = covariance[np.ix_(channels, channels)]
     if len(channels) > 1 and part.sum() < MAX_CANCELLED_RATIO**2 * np.trace(part):
         channels = np.array([int(np.argmax(each))])  # they cancel when mixed

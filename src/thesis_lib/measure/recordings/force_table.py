@@ -22,7 +22,7 @@ from thesis_lib.templates import join_words
 
 MIN_SAMPLES = 100
 MAX_BYTES = 1 << 30  # of a table
-LOOKED_AT = 400  # lines from which separator, decimal mark and number of columns are determined
+SAMPLED_LINES = 400  # lines from which separator, decimal mark and number of columns are determined
 MAX_UNSTATED_STEP_S = 0.03  # above this step, times without a unit may be ms or sample numbers
 EXAMPLE_TEXT = 'allowed: a time and a force in each line, as "time_s,force_N", "0.001,12.5"'
 
@@ -42,7 +42,7 @@ class ForceError(ValueError):
     """A force that cannot be used; the message is one line."""
 
 
-def _doubt(path: Path, problem: str) -> ForceError:
+def _ambiguity(path: Path, problem: str) -> ForceError:
     """Return the error for a table that is unreadable or ambiguous."""
     return ForceError(f"{path}: {problem}, {EXAMPLE_TEXT}")
 
@@ -123,10 +123,10 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
     if numbered and re.fullmatch(r"\"?sep=.?\"?", numbered[0][1].strip(), re.IGNORECASE):
         numbered = numbered[1:]
     if not numbered:
-        raise _doubt(path, "empty")
+        raise _ambiguity(path, "empty")
     form, begin = _form_of(path, [line for _, line in numbered])
     body = numbered[begin:]
-    width = Counter(len(form.cells(line)) for _, line in body[:LOOKED_AT]).most_common(1)[0][0]
+    width = Counter(len(form.cells(line)) for _, line in body[:SAMPLED_LINES]).most_common(1)[0][0]
     first = form.cells(body[0][1])[:width]
     clocks = [k for k, cell in enumerate(first) if CLOCK_PATTERN.fullmatch(cell)]
     # Seconds since the year 1 would be rounded to 8 µs.
@@ -136,12 +136,14 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
     for own, (number, line) in zip(values, body, strict=True):
         row, good = form.parse(line)
         if not good:
-            raise _doubt(path, f"line {number}: {line.strip()[:40]!r} is not a time and a force")
+            raise _ambiguity(
+                path, f"line {number}: {line.strip()[:40]!r} is not a time and a force"
+            )
         own[: len(row)] = row[:width]
     values[:, clocks] -= values[0, clocks]  # times of day are relative to the first
     header = [form.cells(line) for _, line in numbered[:begin]]
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
-        raise _doubt(path, "its commas part columns and mark decimals")
+        raise _ambiguity(path, "its commas part columns and mark decimals")
     names, units = _header(header, width)
     labels = [f"{k} ({name})" if name else f"{k}" for k, name in enumerate(names, 1)]
     scaled, told = [], []
@@ -151,11 +153,11 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
             pairs = zip(labels, units, strict=True)
             shown = ", ".join(f"{label} in {unit}" if unit else label for label, unit in pairs)
             which = "several columns may be" if columns else "no column is clearly"
-            raise _doubt(path, f"{which} the {kind}, of columns {shown}")
+            raise _ambiguity(path, f"{which} the {kind}, of columns {shown}")
         (k,) = columns
         for bad in np.flatnonzero(~np.isfinite(values[:, k])):
             where = f"line {body[bad][0]} has no number in column {labels[k]}"
-            raise _doubt(path, f"{where}, the {kind}")
+            raise _ambiguity(path, f"{where}, the {kind}")
         if k in clocks:  # regardless of its name, such as "Time (UTC)" or "Time (h:m:s)"
             units[k] = "s"
         unit = units[k] or _unknown_unit(names[k])
@@ -174,7 +176,7 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
         raise ForceError(f"{path}: {len(times)} samples, allowed: {MIN_SAMPLES} or more")
     step, stated = float(np.median(np.diff(times))), units[found["time"][0]]
     if not stated and step > MAX_UNSTATED_STEP_S:
-        raise _doubt(path, f"its times step by {step:g} and have no unit")
+        raise _ambiguity(path, f"its times step by {step:g} and have no unit")
     return times, newtons, ", ".join(told)
 
 
@@ -194,13 +196,13 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
 
     A :class:`ForceError` is raised if no form fits, or if two forms give different numbers.
     """
-    end = lines[-LOOKED_AT:]
+    end = lines[-SAMPLED_LINES:]
     quoted = [QUOTED_FORM] if any('"' in line for line in end) else []
     parsed = {form: [form.parse(line) for line in end] for form in [*TABLE_FORMS, *quoted]}
     counts = {form: sum(good for _, good in rows) for form, rows in parsed.items()}
     most = max(counts.values())
     if most <= len(end) / 2:
-        raise _doubt(path, f"{lines[len(lines) // 2].strip()[:40]!r} is not a time and a force")
+        raise _ambiguity(path, f"{lines[len(lines) // 2].strip()[:40]!r} is not a time and a force")
     least = max(0.98 * most, len(end) / 2)
     best = [form for form, count in counts.items() if count > least]
     data = [k for k in range(len(end)) if all(parsed[form][k][1] for form in best)]
@@ -209,7 +211,9 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
     form = best[0]
     if any(numbers[form] != numbers[other] for other in best):
         marks = " or ".join(f"{one.separator!r} and {one.decimal!r}" for one in best)
-        raise _doubt(path, f"its numbers can be read in two ways, by separator and mark {marks}")
+        raise _ambiguity(
+            path, f"its numbers can be read in two ways, by separator and mark {marks}"
+        )
     usual = Counter(len(form.cells(end[k])) for k in data).most_common(1)[0][0]
     begin = next(
         k

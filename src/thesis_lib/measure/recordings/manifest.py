@@ -18,7 +18,7 @@ from thesis_lib.measure.recordings.board import BoardSpec, Place
 from thesis_lib.measure.recordings.manifest_parts import Excitation, FileName, StructureSpec
 from thesis_lib.studies import fields
 from thesis_lib.studies.fields import Fields, Positive, Real, format_given, refuse_value
-from thesis_lib.text import RefusedError, aside
+from thesis_lib.text import RefusedError, print_status
 
 #: Suffixes of image files that are read from folders
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}
@@ -107,7 +107,7 @@ class Manifest(Fields):
     """the calibration board"""
     excitation: Excitation = Field(default_factory=Excitation)
     """the excitation"""
-    calibration: parts.Reuse | None = Field(None, title="null, a path, or an object")
+    calibration: parts.ReusedRig | None = Field(None, title="null, a path, or an object")
     """a calibration that is reused; null calibrates from the board images"""
     force: parts.Force | None = None
     """a force that was recorded with the videos, for motion over force"""
@@ -223,7 +223,7 @@ def _rename_fields(several: Iterable[Any], where: str) -> None:
             found[f"kind: {kind}"] = f"kind: {part['kind']}"
     if found:
         words = ", ".join(f"{old} is now {new}" for old, new in found.items())
-        aside(f"{where}: old names are read until version 2: {words}")
+        print_status(f"{where}: old names are read until version 2: {words}")
 
 
 def write_manifest(manifest: Manifest, path: Path) -> None:
@@ -232,7 +232,7 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
     whole_text(path, yaml.dump(manifest.model_dump(mode="json"), Dumper=_Dumper, **how))
 
 
-def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
+def image_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     """List a camera's board images in the order of poses, None where there is none.
 
     Files of a folder or a pattern are ordered by name, with numbers by value.
@@ -248,7 +248,7 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
         files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
     except (ValueError, NotImplementedError, OSError):  # not a pattern for pathlib
         return []
-    return [*sorted(files, key=lambda file: by_number(file.name))]
+    return [*sorted(files, key=lambda file: natural_sort_key(file.name))]
 
 
 def is_hidden(path: Path) -> bool:
@@ -259,10 +259,10 @@ def is_hidden(path: Path) -> bool:
 def find_images(files: Iterable[Path]) -> list[Path]:
     """Return the images among files, ordered by name with numbers by value."""
     found = [one for one in files if one.suffix.lower() in IMAGE_SUFFIXES and not is_hidden(one)]
-    return sorted(found, key=lambda file: by_number(file.name))
+    return sorted(found, key=lambda file: natural_sort_key(file.name))
 
 
-def by_number(name: str) -> list[tuple[int, str]]:
+def natural_sort_key(name: str) -> list[tuple[int, str]]:
     """Return a sort key that puts 2.png before 10.png."""
     groups = "".join(c if c.isdigit() and c.isascii() else f" {c} " for c in name).split()
     return [(int(group), "") if group.isdecimal() else (-1, group) for group in groups]
@@ -288,7 +288,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         if isinstance(given, str) and outside(given):
             yield f"{where}: given {format_given(given)}, allowed: {parts.INSIDE_TEXT}"
             continue
-        shots = shot_paths(camera, folder)
+        shots = image_paths(camera, folder)
         counts.append(len(shots))
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:

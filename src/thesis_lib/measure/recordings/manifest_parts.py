@@ -96,7 +96,7 @@ class StructureSpec(Fields):
         return np.array([self.force_position_mm, across]) / 1000
 
 
-class Sought(Fields):
+class ModeSearch(Fields):
     """Search options where there are several modes or sines."""
 
     from_hz: Positive = 2.0
@@ -110,7 +110,7 @@ class Sought(Fields):
     """approximate frequencies of the modes or sines; replaces count"""
 
     @model_validator(mode="after")
-    def _check(self) -> Sought:
+    def _check(self) -> ModeSearch:
         if self.to_hz is not None and self.to_hz <= self.from_hz:
             self.refuse("to_hz", "allowed: null, or a number above from_hz, in Hz")
         high = self.to_hz or np.inf
@@ -234,7 +234,7 @@ class Excitation(Fields):
     kind: Kind = "sine"
     """motion after rest_duration_s: a steady sine, several sines, the free decay after an impact or
     a release, or the response to a force that is a sweep or noise"""
-    modes: Sought = Field(default_factory=Sought)
+    modes: ModeSearch = Field(default_factory=ModeSearch)
     """search options for modes, where kind is multisine or free_decay"""
     sweep: Sweep = Field(default_factory=Sweep)
     """the sweep, where kind is sweep"""
@@ -279,7 +279,7 @@ class Excitation(Fields):
         return self
 
 
-class Reuse(Fields):
+class ReusedRig(Fields):
     """An earlier calibration, by this library or another program; a path alone is its file."""
 
     file: Annotated[str, Field(min_length=1, max_length=500)]

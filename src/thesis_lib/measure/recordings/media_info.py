@@ -229,7 +229,7 @@ def source_of_packed(path: Path) -> str | None:
     return None
 
 
-def start_of_film(path: Path) -> float | None:
+def first_frame_time(path: Path) -> float | None:
     """Return the time of a file's first frame by its own clock, s; None without frames."""
     with suppress(MediaError):  # a sound file, a cover alone, or frames that cannot be decoded
         return probe_media(path).start

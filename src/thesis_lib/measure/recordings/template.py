@@ -17,7 +17,7 @@ import yaml
 from pydantic import BaseModel
 
 from thesis_lib.files import put_files, staging
-from thesis_lib.measure.messages import format_new
+from thesis_lib.measure.messages import template_line
 from thesis_lib.measure.recordings import manifest as manifests, media, media_info, validation
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, find_images, is_hidden
 from thesis_lib.measure.recordings.media_info import MediaError, probe_media, rate_of
@@ -69,10 +69,10 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     told = [*_describe_found(manifest, folder), *passed]
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.markers.hole_mm is None and lacking:  # the ends look alike
-        told.append(format_new("corners", names=join_words(lacking), page=folder / PAGE_NAME))
+        told.append(template_line("corners", names=join_words(lacking), page=folder / PAGE_NAME))
     with staging(folder) as part:
         (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
-        (part / path.name).write_text(text_of(manifest, assumed), encoding="utf-8")
+        (part / path.name).write_text(format_manifest(manifest, assumed), encoding="utf-8")
         put_files(part, folder)
     return path, [*told, *list_assumed(manifest, assumed)]
 
@@ -100,7 +100,7 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
             times["captured_hz"] = info.captured_hz
         images = _shots(folder, video.stem, [one.stem for one in videos])
         cameras.append({"name": name, "video": video.name, "board_images": images} | size | times)
-    values = with_given(cameras, given)
+    values = merge_given(cameras, given)
     reused = values.get("calibration")
     placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
     for camera in cameras:
@@ -109,7 +109,7 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
     return values
 
 
-def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[str, Any]:
+def merge_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[str, Any]:
     """Merge cameras (changed in place), the guide's values and given values into a manifest's."""
     values: dict[str, Any] = {"cameras": cameras}
     guide = {name: one for name, one in GUIDE_VALUES.items() if not _is_given(name, given)}
@@ -159,7 +159,7 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
     counts = []
     for camera in manifest.cameras:
         info = probe_media(folder / camera.video)
-        shots = [shot for shot in manifests.shot_paths(camera, folder) if shot]
+        shots = [shot for shot in manifests.image_paths(camera, folder) if shot]
         counts.append(len(shots))
         found = f"{camera.video}: {info.size[0]} × {info.size[1]} px, "
         found += f"{camera.frame_rate_hz:.8g} frames per second"
@@ -170,18 +170,18 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
         yield found
         if validation.is_slowed(info):
             rates = {"rate": camera.frame_rate_hz, "taken": info.captured_hz}
-            yield format_new("slow-motion", video=camera.video, **rates)
+            yield template_line("slow-motion", video=camera.video, **rates)
         if not info.has_audio and manifest.excitation.sound != "none":
-            yield format_new("sound", video=camera.video)
+            yield template_line("sound", video=camera.video)
         if camera.board_images and len(shots) < MIN_BOARD_IMAGES:
             many = {"least": MIN_BOARD_IMAGES, "wanted": WANTED_BOARD_IMAGES}
-            yield format_new("board", name=camera.name, place=camera.board_images, **many)
+            yield template_line("board", name=camera.name, place=camera.board_images, **many)
     if len(set(counts)) > 1:
-        yield format_new("equal-shots", counts=counts)
+        yield template_line("equal-shots", counts=counts)
     for part in (manifest.calibration, manifest.force, manifest.truth):
         file = part if part is None or isinstance(part, str) else part.file
         if file and not (folder / file).exists():
-            yield f"{format_new('file', file=file)} {folder}"
+            yield f"{template_line('file', file=file)} {folder}"
 
 
 def list_assumed(manifest: Manifest, assumed: Sequence[str]) -> Iterator[str]:
@@ -192,7 +192,7 @@ def list_assumed(manifest: Manifest, assumed: Sequence[str]) -> Iterator[str]:
             value = getattr(value, part)
             value = value[0] if part == "cameras" else value
         text = value if isinstance(value, str) else json.dumps(value)
-        yield format_new("assumed", name=name, value=shlex.quote(text))
+        yield template_line("assumed", name=name, value=shlex.quote(text))
 
 
 def _is_given(name: str, given: Mapping[str, Any]) -> bool:
@@ -200,7 +200,7 @@ def _is_given(name: str, given: Mapping[str, Any]) -> bool:
     return any(name == one or name.startswith(f"{one}.") for one in given)
 
 
-def text_of(manifest: Manifest, assumed: Sequence[str]) -> str:
+def format_manifest(manifest: Manifest, assumed: Sequence[str]) -> str:
     """Return the manifest as commented YAML, with assumed fields marked."""
     if manifest.structure.markers.hole_mm is None and manifest.cameras[0].corners_px is None:
         assumed = (*assumed, "cameras.corners_px")
@@ -250,11 +250,11 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
         if is_hidden(file) or ending in OTHER_ENDINGS or not file.is_file():
             continue
         if ending in _LISTS["raw_endings"]:
-            lines.append(format_new("raw", name=file.name, path=shlex.quote(str(file))))
+            lines.append(template_line("raw", name=file.name, path=shlex.quote(str(file))))
         elif ending in _LISTS["video_endings"] or _is_film(file):
             videos.append(file)
         else:
-            lines.append(format_new("no-video", name=file.name))
+            lines.append(template_line("no-video", name=file.name))
     packed = {media_info.source_of_packed(file): file.name for file in videos}
     for source in [video for video in videos if video.name in packed]:
         videos.remove(source)

@@ -17,11 +17,11 @@ from thesis_lib.measure.recordings import (
     media,
     media_info,
 )
-from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, image_paths
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo
 from thesis_lib.studies.fields import format_given, format_limit
 
-STANDS_STILL = 0.02  # least distance from multiples of half the frame rate, over that half
+MIN_ALIAS_RATIO = 0.02  # least distance from multiples of half the frame rate, over that half
 RATE_TOLERANCE = 0.1  # relative difference above which rates disagree; below, the file is right
 MAX_END_GAP_S = 0.5  # between the ends of a video's images and of its audio
 
@@ -78,8 +78,8 @@ def check_excitation(manifest: Manifest) -> Iterator[str]:
     if frequency is not None and manifest.excitation.undersampled:
         for i, half in enumerate(rate / 2 for rate in rates):
             multiple = max(1, round(frequency / half)) * half
-            if abs(frequency - multiple) < STANDS_STILL * half:
-                off = format_limit(STANDS_STILL * half, upper=False)
+            if abs(frequency - multiple) < MIN_ALIAS_RATIO * half:
+                off = format_limit(MIN_ALIAS_RATIO * half, upper=False)
                 why = f"{multiple:.6g} Hz, a multiple of half the frame rate of cameras[{i}]"
                 yield f"{given}, allowed: at least {off} Hz from {why}"
     elif frequency is not None and frequency >= min(rates) / 2:
@@ -108,7 +108,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
                 yield f"cameras[{i}].video: {path}: {problem}"
         except MediaError as error:
             yield f"cameras[{i}].video: {error}"
-        for shot in filter(None, shot_paths(camera, folder)):
+        for shot in filter(None, image_paths(camera, folder)):
             try:
                 for problem in _check_size(media.read_png(shot).shape[::-1], camera):
                     yield f"cameras[{i}].board_images: {shot}: {problem}"

@@ -330,7 +330,7 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
         list(warnings.check_sound(data)),
         {},
         {},
-        no_wall_change=warnings.no_wall_change,
+        no_wall_change=warnings.format_no_wall_change,
         viewers=[Markup(view_sound(one, manifest)) for one in tones],
         place=format_point,
         points=[one.assign(pressure=absolute_pressure(one)) for one in points],

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array, Image, Mask, stack_padded
 from thesis_lib.measure.feasibility import assess, prediction
 from thesis_lib.measure.fitting.frequency import in_step
-from thesis_lib.measure.modes.poles import STANDS_OUT
+from thesis_lib.measure.modes.poles import MIN_LINE_POWER_RATIO
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import markers_of
@@ -224,7 +224,9 @@ def draw_stabilisation(data: xr.Dataset) -> Figure:
     top.semilogy(data["line"], data["before"], color=cycle_color(0), linewidth=0.8, label="tracks")
     label = "residual of the modes"
     top.semilogy(data["line"], data["after"], color=REFERENCE_COLOR, linewidth=0.8, label=label)
-    top.axhline(STANDS_OUT, color=HIGHLIGHT_COLOR, linewidth=0.6, label="threshold of a mode")
+    top.axhline(
+        MIN_LINE_POWER_RATIO, color=HIGHLIGHT_COLOR, linewidth=0.6, label="threshold of a mode"
+    )
     top.set(ylabel="power over noise")
     top.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     top.legend(ncols=3)

@@ -78,8 +78,8 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
         yield make_note("calibration-untold")
     yield from check_board(data)
-    if 0 < (poses := int(data.get("board_poses", 0))) < uncertainty.MIN_JACKKNIFE_IMAGES:
-        yield make_note("few-poses", poses=poses, enough=uncertainty.MIN_JACKKNIFE_IMAGES)
+    if 0 < (poses := int(data.get("board_poses", 0))) < uncertainty.MIN_JACKKNIFE_POSES:
+        yield make_note("few-poses", poses=poses, enough=uncertainty.MIN_JACKKNIFE_POSES)
     off = float(data["grid_scale"]) - 1
     if abs(off) > MAX_SCALE_ERROR:
         yield make_note("grid-scale", off=off)
@@ -188,7 +188,7 @@ def check_sound(data: xr.Dataset) -> Iterator[Note]:
     low = data.isel(tone=is_low & ~(data["no_wall_change"].values > 0))
     if data.attrs["wall"] != "yes" and low.sizes["tone"]:
         changes = [
-            f"at {float(one['frequency']):.4g} Hz {no_wall_change(one)} dB"
+            f"at {float(one['frequency']):.4g} Hz {format_no_wall_change(one)} dB"
             for one in iterate_slices(low, "tone")
         ]
         yield make_note("no-wall", changes="; ".join(changes))
@@ -205,7 +205,7 @@ def check_sound(data: xr.Dataset) -> Iterator[Note]:
             yield make_note("not-heard", hertz=hertz)
 
 
-def no_wall_change(one: xr.Dataset) -> str:
+def format_no_wall_change(one: xr.Dataset) -> str:
     """Format the change of a sine's power without a wall in dB, with its standard error."""
     change, std = float(one["no_wall_change"]), float(one["no_wall_change_std"])
     return f"{change:+.1f} ± {std:.2g}" if np.isfinite(change) else "not estimated"

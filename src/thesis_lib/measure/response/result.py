@@ -184,7 +184,9 @@ def estimate_response(
     finer = min(MAX_FORCE_RATE_RATIO, int(np.ceil(force.rate / rate)))
     fine = begin + np.arange(finer * len(times)) / (finer * rate)
     mean = float(force.newtons.mean())
-    newtons = signals.at_times(force.times, force.newtons[:, None] - mean, force.rate, fine)[:, 0]
+    newtons = signals.interpolate_band(
+        force.times, force.newtons[:, None] - mean, force.rate, fine
+    )[:, 0]
     pushed = np.nan_to_num(newtons)
     sweep = None
     if excitation.behaviour.sweeps:

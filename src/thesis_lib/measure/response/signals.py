@@ -164,7 +164,7 @@ def _find_clock(
     one = audio.AudioSource(first.name, folder / first.video)
     other = audio.AudioSource("the force", path, given.sound_channel or given.channel)
     try:
-        found = drift.beside_first((one, other), {1: None})[1]
+        found = drift.estimate_drifts((one, other), {1: None})[1]
     except audio.SynchronisationError:
         raise ForceError(
             f"{path}: no sound in channel {other.channel} matches that of camera {first.name} "
@@ -178,7 +178,7 @@ def _find_clock(
     return found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace
 
 
-def at_times(
+def interpolate_band(
     times: Array,
     values: Array,
     rate: float,
@@ -213,12 +213,12 @@ def at_times(
         taken = values[index]
         known = np.isfinite(taken)
         part = np.einsum("tns,tns->ts", np.linalg.solve(S, s), np.where(known, taken, 0.0))
-        found[start : start + CHUNK_TIMES] = _mend(part, S, s, taken, known, apart, shift)
+        found[start : start + CHUNK_TIMES] = _fit_gaps(part, S, s, taken, known, apart, shift)
     inside = (wanted[:, None] >= times[0] + shift) & (wanted[:, None] <= times[-1] + shift)
     return np.where(inside, found, np.nan)
 
 
-def _mend(
+def _fit_gaps(
     part: Array, S: Array, s: Array, taken: Array, known: Mask, apart: Array, shift: Array
 ) -> Array:
     """Estimate values again from the known samples where samples are missing.
@@ -291,7 +291,7 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
     gaps = np.isnan(series).any(axis=0)
     filled = series.copy()  # short gaps are filled
     if gaps.any():
-        found = at_times(times, series[:, gaps], own.rate, times)
+        found = interpolate_band(times, series[:, gaps], own.rate, times)
         filled[:, gaps] = np.where(np.isnan(series[:, gaps]), found, series[:, gaps])
     full = filled.reshape(uv.shape)
     if repeated:
@@ -302,7 +302,7 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
     later = own.readout * full[:, 1] / height  # delay by motion of the marker across rows
     uv = uv - np.nan_to_num(np.gradient(full, times, axis=0) * later[:, None])
     both = uv.reshape(len(uv), -1)
-    found = at_times(times, both, own.rate, at, np.tile(late, 2), own.exposure)
+    found = interpolate_band(times, both, own.rate, at, np.tile(late, 2), own.exposure)
     return np.asarray(still[:, None] + np.moveaxis(found.reshape(-1, *still.shape), 1, 0), float)
 
 
@@ -343,19 +343,19 @@ def in_step(
             moved = undistorted_images(own, still, at) - still[:, None]
             seen.append(np.einsum("itn,in->tn", moved, slope / np.sum(slope**2, axis=0)))
         for c in range(1, len(seen)):
-            late[c, k], error[c, k], where = _late(seen[0], seen[c], rate, band)
+            late[c, k], error[c, k], where = _estimate_lag(seen[0], seen[c], rate, band)
             when[c, k] = at[0] + where
     centre, found = 0.5 * (span[0] + span[1]), [recordings[0]]
     lag, pace = np.zeros((2, len(recordings)))
     for c, own in enumerate(recordings[1:], 1):
         lag[c], slope = _line(when[c] - centre, late[c], error[c], seconds, band[1])
-        moved = own.paced(1 + slope, centre)
+        moved = own.scale_clock(1 + slope, centre)
         found.append(replace(moved, delay=moved.delay + lag[c]))
         pace[c] = 1 / (1 + slope) - 1
     return found, lag, pace
 
 
-def _late(
+def _estimate_lag(
     one: Array, other: Array, rate: float, band: tuple[float, float]
 ) -> tuple[float, float, float]:
     """Return how much too early another camera's times are, the standard error, and when, s."""
@@ -395,7 +395,9 @@ def _line(
         values, squares, *_ = np.linalg.lstsq(A, late[there] / error[there], rcond=None)
         spread = max(float(np.sum(squares)) / max(len(fit) - order - 1, 1), 1.0)
         deviation = np.sqrt(spread * np.diag(np.linalg.inv(A.T @ A)))
-        least = clocks.LEAST_TURN / (2 * np.pi * highest) / np.array([1, seconds / 2])[: order + 1]
+        least = (
+            clocks.MIN_PHASE_RAD / (2 * np.pi * highest) / np.array([1, seconds / 2])[: order + 1]
+        )
         certain = np.abs(values) > np.maximum(clocks.MIN_CLOCK_SIGMAS * deviation, least)
         if order == 0 or certain[1]:
             sure = np.where(certain, values, 0.0)

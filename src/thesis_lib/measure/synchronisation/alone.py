@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from thesis_lib.files import check_outputs, put_files, staging
 from thesis_lib.measure.recordings.audio import probe_audio, read_audio
-from thesis_lib.measure.recordings.media_info import probe_media, start_of_film
+from thesis_lib.measure.recordings.media_info import first_frame_time, probe_media
 from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.synchronisation.audio import AudioSource
-from thesis_lib.measure.synchronisation.drift import Drift, beside_first
+from thesis_lib.measure.synchronisation.drift import Drift, estimate_drifts
 from thesis_lib.measure.synchronisation.listen import load_audio
 from thesis_lib.plotting.style import cycle_color, drawable_names, in_style, save_figure, subplots
 from thesis_lib.web.html import render_lines
@@ -39,7 +39,7 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
         names = [str(video) for video in videos]
     recordings = [AudioSource(*one) for one in zip(names, videos, strict=True)]
     load_audio(recordings, None)  # raises an error for unusable sound
-    return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
+    return [*estimate_drifts(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
 def _round_to(value: float, std: float, sign: str = "+") -> str:
@@ -52,7 +52,9 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
     """Write ``sync.csv`` and ``sync.png`` into a folder; return the results as sentences."""
     check_outputs(out, [out / "sync.csv", out / "sync.png"])
     drifts, names = synchronise_videos(videos)
-    rates = (probe_media(video).frame_rate for video in videos if start_of_film(video) is not None)
+    rates = (
+        probe_media(video).frame_rate for video in videos if first_frame_time(video) is not None
+    )
     frame_rate = next(rates, np.nan)
     picture = save_figure(_picture(videos, drifts, names), "png", dpi=140)
     rows = [Drift(0.0, 0.0, 0.0, 0.0, agreement=1.0), *drifts]

@@ -31,10 +31,11 @@ ROOM_RATE = 16000  # Hz at which the sound of microphones is correlated: a clap 
 ENERGY_SPAN_S = 0.01  # s over which the energy of possible transients is averaged
 MIN_ONSET_RATIO = 12  # upper quartile minus median, times this, is the threshold of a transient
 MIN_ONSET_CORRELATION = 0.5  # smallest accepted correlation of transients
-ONSET_SAME = 0.95  # peak height ratio from which on onsets are ambiguous
-CLAP_SAME = 0.9  # likewise for claps
-ROOM_SAME = 0.6  # likewise for all sound in a room
-FAR_ABOVE = 9.0  # standard deviations of chance that the correlation of all room sound must reach
+MAX_ONSET_PEAK_RATIO = 0.95  # peak height ratio from which on onsets are ambiguous
+MAX_CLAP_PEAK_RATIO = 0.9  # likewise for claps
+MAX_ROOM_PEAK_RATIO = 0.6  # likewise for all sound in a room
+# Standard deviations of chance that the correlation of all room sound must reach
+MIN_ROOM_CORRELATION_SIGMAS = 9.0
 WHITENING_BINS = 1024  # samples of a short spectrum, and taps, of the whitening filter
 # Samples by which a whitened signal starts later
 WHITENING_DELAY = WHITENING_BINS - 1 - WHITENING_BINS // 2
@@ -226,7 +227,7 @@ def phase_delays(
     return delays - np.rint((delays - near) * frequency) / frequency
 
 
-def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
+def remove_sine(x: Signal, rate: float, frequency: float) -> Signal:
     """Remove a steady sine by subtracting the signal of one period before.
 
     Unlike a fitted sine, this needs no steady-state interval and leaves no step at its ends; it
@@ -295,7 +296,7 @@ def force_match(reference: Signal, other: Signal, rate: float, frequency: float)
     """Estimate the delay between recordings (samples,) of the force signal, at a rate in Hz.
 
     The rate is about :data:`CORRELATION_RATE`. The signals are correlated; if the result is
-    ambiguous, so are the transients after :func:`without_tone`: onset or end of the sine, or a
+    ambiguous, so are the transients after :func:`remove_sine`: onset or end of the sine, or a
     clap. Peaks within half a period of the highest are then ignored, since the sine's phase decides
     between them. The sine's frequency in Hz is known to within 1 %.
     """
@@ -310,8 +311,8 @@ def force_match(reference: Signal, other: Signal, rate: float, frequency: float)
     if (end - start) * frequency > tones.MIN_SETTLED_PERIODS - 0.1:
         part = tone[round(start * tone_rate) : round(end * tone_rate)]
         frequency = tones.tone_frequency(part, tone_rate, frequency)
-    a, b = (without_tone(x, rate, frequency) for x in (reference, other))
-    loud = _match_transients(a, b, rate, same=ONSET_SAME, least=0.5 / frequency)
+    a, b = (remove_sine(x, rate, frequency) for x in (reference, other))
+    loud = _match_transients(a, b, rate, same=MAX_ONSET_PEAK_RATIO, least=0.5 / frequency)
     return replace(loud, snr=whole.snr) if loud else whole
 
 
@@ -328,9 +329,9 @@ def room_match(reference: Signal, other: Signal, rate: float) -> Match:
     """
     both = reference, other
     a, b = (scipy.signal.oaconvolve(x, design_whitening(x, rate), "valid") for x in both)
-    whole = _compare_signals(a, b, rate, same=ROOM_SAME, by_noise=False, either_sign=True)
+    whole = _compare_signals(a, b, rate, same=MAX_ROOM_PEAK_RATIO, by_noise=False, either_sign=True)
     n = count_overlap(whole.delay * rate, a, b)
-    whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
+    whole = replace(whole, least=float(MIN_ROOM_CORRELATION_SIGMAS / np.sqrt(n)))
     if whole.certain:
         return whole
-    return _match_transients(a, b, rate, same=CLAP_SAME, either_sign=True) or whole
+    return _match_transients(a, b, rate, same=MAX_CLAP_PEAK_RATIO, either_sign=True) or whole

@@ -33,7 +33,8 @@ MAX_SHORT_DRIFT = 1e-3  # largest drift searched for in short sounds
 # Smallest accepted correlation over 1/√n, its standard deviation for unrelated sounds
 MIN_CORRELATION_SIGMAS = 6.0
 PEAKS_PER_WINDOW = 3  # candidate peaks of each window for the line
-ON_LINE = 2.5e-4  # largest distance in s of a window's peak from the line: 9 cm of sound travel
+# Largest distance in s of a window's peak from the line: 9 cm of sound travel
+MAX_LINE_DISTANCE_S = 2.5e-4
 MAX_LINE_DEVIATIONS = 4.0  # robust standard deviations beyond which a delay is an outlier
 MIN_WINDOWS = 3  # smallest number of windows for a drift
 INTERPOLATION_FACTOR = 16  # points per sample at which a peak is interpolated
@@ -104,7 +105,7 @@ def _loudness(sound: Signal, rate: float) -> Array:
     return np.asarray(level - level.mean(), float)
 
 
-def drift_of(
+def fit_drift(
     reference: Signal, other: Signal, rate: float, starts: tuple[float, float], delay: float
 ) -> Drift:
     """Fit a line through the delays of windows of two sounds (samples,).
@@ -157,7 +158,7 @@ def _on_line(window: IntArray, when: Array, late: Array, height: Array) -> IntAr
     """Return the peaks, at most one per window and of one sign, on the line with most of them."""
     span = max(float(np.ptp(when)), WINDOW_S)
     middle, turn = when.mean(), min(WINDOW_SEARCH_S + MAX_DRIFT * span, MAX_SHORT_DRIFT * span)
-    slopes = np.arange(-turn, turn + ON_LINE, ON_LINE) / span
+    slopes = np.arange(-turn, turn + MAX_LINE_DISTANCE_S, MAX_LINE_DISTANCE_S) / span
     best, chosen = -1.0, np.array([], int)
     for sign in (1.0, -1.0):
         own = np.flatnonzero(sign * height > 0)
@@ -167,7 +168,7 @@ def _on_line(window: IntArray, when: Array, late: Array, height: Array) -> IntAr
             off = late[own] - slope * (when[own] - middle)
             order = np.argsort(off)
             sums = np.concatenate([[0], np.cumsum(np.abs(height[own])[order])])
-            ends = np.searchsorted(off[order], off[order] + 2 * ON_LINE, "right")
+            ends = np.searchsorted(off[order], off[order] + 2 * MAX_LINE_DISTANCE_S, "right")
             inside = sums[ends] - sums[:-1]
             if inside.max() > best:
                 k = int(np.argmax(inside))
@@ -228,7 +229,7 @@ MIN_AGREEING_SHARE = 0.5  # smallest share of windows that must agree on a delay
 MIN_DECIDING_WINDOWS = 6  # windows that suffice alone; unrelated sounds had at most four
 
 
-def beside_first(
+def estimate_drifts(
     recordings: Sequence[audio.AudioSource], others: Mapping[int, float | None]
 ) -> dict[int, Drift]:
     """Estimate start and clock drift of each of `others` relative to the first recording.
@@ -246,7 +247,7 @@ def beside_first(
         first, own = starts = stamped.starts[0], stamped.starts[k]
         if known is not None:
             signals, rate = (stamped.first, stamped.compared(k)), stamped.low.rate
-            found[k] = drift_of(*signals, rate, starts, known + first - own)
+            found[k] = fit_drift(*signals, rate, starts, known + first - own)
         else:
             tries = [_find_start(stamped, k)]
             if paces[k] != paces[0] and (one := _find_start(stated, k)) is not None:
@@ -299,7 +300,7 @@ def _find_start(sounds: _Compared, k: int) -> Drift | None:
     if room.certain:
         apart = [delay for delay in loud if abs(delay - room.delay) > MIN_PEAK_DISTANCE_S]
         delays = [room.delay, *apart]
-    found = [drift_of(one, other, rate, starts, delay + starts[0] - starts[1]) for delay in delays]
+    found = [fit_drift(one, other, rate, starts, delay + starts[0] - starts[1]) for delay in delays]
     if not found:
         return None
     best, *rest = sorted(found, key=lambda one: -one.score)

@@ -28,7 +28,12 @@ from thesis_lib.arrays import Array, ArrayLike, IntArray
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation import audio, delays as matching, tones
-from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
+from thesis_lib.measure.synchronisation.drift import (
+    MAX_DRIFT,
+    Drift,
+    estimate_drifts,
+    unmatched_error,
+)
 from thesis_lib.measure.synchronisation.tones import MAX_SLIP_TURNS, Interval
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.web.html import render_lines
@@ -208,7 +213,7 @@ def _find_drifts(
     """Replace the delays of recordings whose clocks drift by those in their middle."""
     known = {i: one.delay if one.certain else None for i, one in matches.items()}
     drifts = {}
-    for i, one in beside_first(recordings, known).items():
+    for i, one in estimate_drifts(recordings, known).items():
         middle = one.delay - float(np.nan_to_num(one.drift)) * heard.ends[i] / 2
         delay = middle + float(heard.starts[i] - heard.starts[0])
         sure = known[i]
@@ -235,7 +240,7 @@ def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
     recordings = [audio.AudioSource(one.name, folder / one.video) for one in cameras]
     tone: dict[str, Any] = {"of_sound": np.nan, "of_sound_deviation": np.nan, "force": [0.0, 0.0]}
     if excitation.sound == "force" and excitation.behaviour.has_one_frequency:
-        found, steady, tone = _hear_force(manifest, recordings)
+        found, steady, tone = _analyse_force(manifest, recordings)
     else:
         if excitation.sound == "none":
             found = Synchronisation(np.zeros(len(cameras)))
@@ -264,7 +269,7 @@ def estimate_delays(manifest: Manifest, folder: Path) -> xr.Dataset:
     return xr.Dataset(label_values(values, VARIABLES), attrs={"synchronisation": "\n".join(lines)})
 
 
-def _hear_force(
+def _analyse_force(
     manifest: Manifest, recordings: list[audio.AudioSource]
 ) -> tuple[Synchronisation, Interval, dict[str, Any]]:
     """Return starts, steady-state interval and variables of the sine from the force signal."""

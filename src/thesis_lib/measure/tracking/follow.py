@@ -26,10 +26,11 @@ MAX_FIT_ROUNDS = 6
 MIDDLE_GREY = 128  # subtracted from all grey levels, for accuracy in single precision
 # Assumed contrast between structure and ground, grey levels, for the prior of the edge's position
 CONTRAST_GREY = 100.0
-MAX_GROUND_GREY = 10.0  # prior standard deviation of the ground's grey level from the first frame's
-MOST_LOST = 0.5  # fraction of missing markers above which a frame does not determine displacements
+GROUND_STD_GREY = 10.0  # prior standard deviation of the ground's grey level from the first frame's
+# Fraction of missing markers above which a frame does not determine displacements
+MAX_MISSING_SHARE = 0.5
 MAX_TABLE_BYTES = 4e8
-PRIOR_STD = np.array([MAX_GROUND_GREY, *[np.inf] * 4, discs.EDGE_STD_PX * CONTRAST_GREY])
+PRIOR_STD = np.array([GROUND_STD_GREY, *[np.inf] * 4, discs.EDGE_STD_PX * CONTRAST_GREY])
 PRIOR_WEIGHTS = (discs.NOISE_GREY / PRIOR_STD) ** 2
 
 
@@ -108,7 +109,7 @@ class Table:
                 break
         rms = np.sqrt(np.maximum(squares, 0) / np.maximum(used - 4, 1))
         strayed = (self.radii @ (centre - start).T[:, :, None])[:, :, 0]
-        fits = (rms < discs.MAX_POOR_SHARE * contrast) & (np.linalg.norm(strayed, axis=1) < 1)
+        fits = (rms < discs.MAX_RESIDUAL_RATIO * contrast) & (np.linalg.norm(strayed, axis=1) < 1)
         holds = inside & fits
         holds[left] = False
         median = float(np.median(contrast[inside])) if inside.any() else 0.0
@@ -146,7 +147,10 @@ class Follower:
         far = np.maximum(np.hypot(*moved), np.hypot(*self.before))
         if self.table is not None and (tracker.turn or np.all(far < self.safe)):
             fitted, holds, inside, _ = self.table.fit(image, self.rest + ahead)
-            if not np.any((inside & ~holds & ~lost)[:count]) and np.mean(~holds) <= MOST_LOST:
+            if (
+                not np.any((inside & ~holds & ~lost)[:count])
+                and np.mean(~holds) <= MAX_MISSING_SHARE
+            ):
                 uv = np.where(holds, fitted, np.nan)
         if uv is None:  # a marker no longer fits, or most do not: search a wide area for all
             tracker.moved, tracker.before = (
@@ -156,7 +160,9 @@ class Follower:
             hole = view.to_image(tracker.grid + tracker.moved)[:, count:]
             uv = np.concatenate([centres, hole], axis=1)
         self.before, self.moved = moved, uv - self.rest
-        if np.isnan(uv[0]).mean() > MOST_LOST:  # no light: extrapolate if the frequency is known
+        if (
+            np.isnan(uv[0]).mean() > MAX_MISSING_SHARE
+        ):  # no light: extrapolate if the frequency is known
             self.moved = ahead if tracker.turn else moved
         return uv[:, :count]
 
@@ -170,7 +176,7 @@ def first_view(
     """
     if corners_px is not None:
         corners = undistort_pixels(camera, np.array(corners_px, float).T)
-        return discs.sharpen_view(image, homography.view_of(camera, markers, corners))
+        return discs.sharpen_view(image, homography.corner_view(camera, markers, corners))
     failures: list[homography.TrackingError] = []
     for even in homography.even_light(image):
         try:
@@ -182,7 +188,7 @@ def first_view(
     raise failures[0]
 
 
-def trackers_of(
+def make_trackers(
     image: Image,
     camera: Camera,
     markers: Markers,
@@ -193,7 +199,7 @@ def trackers_of(
     """Return trackers of a video's markers, from its first frame, in which markers are dark.
 
     The structure's corners in the image include the lens distortion, and are in the order of
-    :func:`~.homography.view_of`. `turn` is the vibration's phase advance per frame in rad; 0 if
+    :func:`~.homography.corner_view`. `turn` is the vibration's phase advance per frame in rad; 0 if
     unknown. `shares` are fractions of the full width to which frames are reduced, with one tracker
     each: it detects the markers again, but uses the corners of the full frames. Without shares a
     :class:`Follower` tracks the full frames. The notes list widths at which the markers are not
@@ -203,7 +209,7 @@ def trackers_of(
     if not shares:
         return [Follower(discs.Tracker(view, turn), image)], []
     trackers: list[discs.Tracker] = []
-    for picture in pictures_of(image, shares):
+    for picture in reduce_frames(image, shares):
         height, width = picture.shape
         scale = np.diag([width / camera.size[0], height / camera.size[1], 1.0])
         small = resize_camera(camera, (width, height))
@@ -216,7 +222,7 @@ def trackers_of(
     return trackers, notes
 
 
-def pictures_of(image: Image, shares: Sequence[float]) -> list[Image]:
+def reduce_frames(image: Image, shares: Sequence[float]) -> list[Image]:
     """Return the frame for each tracker: reduced to fractions of its width, or unchanged."""
     return [reduce_frame(image, round(share * image.shape[1])) for share in shares] or [image]
 

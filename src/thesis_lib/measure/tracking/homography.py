@@ -16,7 +16,7 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera, distort_pixels, undistort_pixels
 
 
-def as_dark(image: Image, markers: Markers) -> Image:
+def darken_markers(image: Image, markers: Markers) -> Image:
     """Return the image in which markers are dark: itself, or its negative."""
     return 255 - image if markers.bright else image
 
@@ -79,7 +79,7 @@ def fit_homography(source: ArrayLike, target: ArrayLike) -> Array:
 def find_view(image: Image, camera: Camera, markers: Markers) -> View:
     """Detect the beam, a bright quadrilateral on a dark ground, and its clamped end.
 
-    The hole distinguishes the two ends. For given corners use :func:`view_of` instead.
+    The hole distinguishes the two ends. For given corners use :func:`corner_view` instead.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
             f"camera {camera.name}: the beam has no hole to tell its ends apart, give the four "
             "corners (corners_px)"
         )
-    views = [view_of(camera, markers, np.roll(corners, turn, axis=1)) for turn in (0, 2)]
+    views = [corner_view(camera, markers, np.roll(corners, turn, axis=1)) for turn in (0, 2)]
     scores = [_hole_darkness(image, view) for view in views]
     if abs(scores[0] - scores[1]) < 0.4:
         raise TrackingError(
@@ -111,7 +111,7 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
     return views[int(np.argmax(scores))]
 
 
-def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
+def corner_view(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
     """Return the view from the beam's four corners in undistorted px, shape (2, 4).
 
     The corners are in the order (0, 0), (L, 0), (L, W), (0, W) of the beam's frame.

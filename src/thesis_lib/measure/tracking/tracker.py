@@ -29,11 +29,11 @@ THESIS_SCALE_PX_PER_M, THESIS_REACH_M = 2000.0, 0.025
 MAX_RESAMPLED_PIXELS = 2e7
 MAX_GRID_RMS_PX = 1.5  # rms distance from the grid above which the detected markers are wrong
 BLUR_RANGE_PX = (0.15, 1.5)
-LEAST_SCORE = 0.45  # least correlation coefficient of a match with a disc
+MIN_SCORE = 0.45  # least correlation coefficient of a match with a disc
 # Rms residual over contrast from which a fit is doubtful. Printed dots in a real camera have up to
 # 0.16; an unsharp mask of amount 2 lifts up to a tenth of them above 0.15, one of amount 4 a third.
 # A limit of 0.25 accepted those, but also discs tilted out of their plane and 0.13 px off.
-MAX_POOR_SHARE = 0.15
+MAX_RESIDUAL_RATIO = 0.15
 EDGE_STD_PX = 0.05  # prior standard deviation of the beam's edge from its expected position
 NOISE_GREY = 3.0  # image noise, grey levels, that weighs this prior against the pixels
 GAUSS_NEWTON_STEPS = 4
@@ -47,7 +47,7 @@ def sharpen_view(image: Image, view: View) -> View:
     """
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
-        found = assign_places(grid, Tracker(view).matches(image), gate_of(view.markers))
+        found = assign_places(grid, Tracker(view).matches(image), assignment_gate(view.markers))
         view = replace(view, blur=_fit_blur(image, view, found))
         centres, _ = refine_centres(image, view, found)
         count = np.count_nonzero(np.isfinite(centres[0]))
@@ -96,7 +96,7 @@ def _fit_blur(image: Image, view: View, found: Array) -> float:
     return float(best.x)
 
 
-def gate_of(markers: Markers) -> float:
+def assignment_gate(markers: Markers) -> float:
     """Return the largest distance of a match from a marker's expected place, m."""
     return 0.45 * float(markers.nearest.min())
 
@@ -144,7 +144,7 @@ class Tracker:
         covered = np.clip(PIXELS_PER_MARKER / 2 - np.hypot(x, x[:, None]) + 0.5, 0, 1)
         self.template = np.rint(200 - 170 * covered).astype(np.uint8)  # a dark disc on white
         self.grid = markers.positions
-        self.gate = gate_of(markers)
+        self.gate = assignment_gate(markers)
         self.moved = np.zeros_like(self.grid)
         self.before = np.zeros_like(self.grid)
         self.matched = np.full((2, markers.count), np.nan)
@@ -184,7 +184,7 @@ class Tracker:
         """Return the places (2, n), m, on the plane that match a disc best locally (figure F.6)."""
         score = cv2.matchTemplate(self.resampled(image), self.template, cv2.TM_CCOEFF_NORMED)
         highest = cv2.dilate(score, np.ones((7, 7), np.uint8))
-        rows, columns = np.nonzero((score == highest) & (score > LEAST_SCORE))
+        rows, columns = np.nonzero((score == highest) & (score > MIN_SCORE))
         half = (len(self.template) - 1) / 2
         return np.stack([columns + half, rows + half]) / self.scale + self.origin[:, None]
 
@@ -284,7 +284,7 @@ def refine_centres(image: Image, view: View, plane: Array) -> tuple[Array, float
     strayed = np.linalg.solve(ellipses, (centre - start).T[:, :, None])[:, :, 0]
     good = (
         (contrast > 0.4 * np.median(contrast))
-        & (rms < MAX_POOR_SHARE * contrast)
+        & (rms < MAX_RESIDUAL_RATIO * contrast)
         & (np.abs(change[:2]).max(axis=0) < 0.05)
         & (np.linalg.norm(strayed, axis=1) < 1)
     )

@@ -45,7 +45,7 @@ class Recording:
         own = self.stamps if self.stamps is not None else np.arange(len(self.centres)) / self.rate
         return own * self.pace + self.delay
 
-    def paced(self, pace: float, at: float) -> Recording:
+    def scale_clock(self, pace: float, at: float) -> Recording:
         """Return the recording with its times scaled by `pace` about the time `at`."""
         return replace(self, pace=self.pace * pace, delay=at + (self.delay - at) * pace)
 
@@ -89,15 +89,17 @@ def record_track(
 
     The video is in the manifest's folder; `clock` (frames,) are the times of its frames after the
     first, s. Centres are written to `path` (``.npy``). `tick` is called with the number of finished
-    frames. `turn` and `shares` are those of :func:`~.follow.trackers_of`. With shares the file has
-    the shape (frames, 2 shares, 2, markers): the centres at each width, then those from template
-    matching alone, where Appendix F stops. Returns the notes of :func:`~.follow.trackers_of`, and
+    frames. `turn` and `shares` are those of :func:`~.follow.make_trackers`. With shares the file is
+    of shape (frames, 2 shares, 2, markers): the centres at each width, then those from template
+    matching alone, where Appendix F stops. Returns the notes of :func:`~.follow.make_trackers`, and
     the indices of the frames that repeat the one before.
     """
     video = folder / files.video
-    first = homography.as_dark(next(media.read_frames(video, 0, 1)), markers)
+    first = homography.darken_markers(next(media.read_frames(video, 0, 1)), markers)
     try:
-        trackers, notes = follow.trackers_of(first, camera, markers, files.corners_px, turn, shares)
+        trackers, notes = follow.make_trackers(
+            first, camera, markers, files.corners_px, turn, shares
+        )
     except homography.TrackingError as error:
         raise homography.TrackingError(
             f"{video}: frame 0: {error}; are structure.markers as filmed, and corners_px? In "
@@ -112,7 +114,7 @@ def record_track(
             np.lib.format.write_array_header_1_0(file, header)
             frames = media.read_frames(video, stop=len(clock), clock=clock)
             for done, image in enumerate(validation.note_changes(frames, steps, across), 1):
-                pictures = follow.pictures_of(homography.as_dark(image, markers), shares)
+                pictures = follow.reduce_frames(homography.darken_markers(image, markers), shares)
                 pairs = zip(trackers, pictures, strict=True)
                 found = [tracker.centres(picture) for tracker, picture in pairs]
                 found += [tracker.matched for tracker in trackers if isinstance(tracker, Tracker)]
