@@ -121,8 +121,8 @@ class ReplicatedStudy(RenderedStudy):
     """A study with as many replicates as are stored, or as a request asks for."""
 
     repeats: Annotated[fields.Whole, Field(ge=1, le=1000)] | Literal["kept"] = "kept"
-    """recordings of every setting, the first included, or those that data/recordings holds of just
-    these; the bands are over the others"""
+    """number of recordings of every setting, or "kept": those stored in data/recordings for these
+    parameters; bands are over all but the first"""
 
     def wanted_replicates(self, stored: int) -> int:
         """Return the number of replicates wanted, given the number stored."""
@@ -244,7 +244,7 @@ class RigRequest(fields.Fields):
     audio_noise_db: Annotated[fields.Real, Field(ge=0, le=120)] = THESIS_RIG["audio_noise_db"]
     """force over noise on the audio tracks"""
     codec: Literal["lossless", "h264"] = "lossless"
-    """how the videos are stored; h264, at crf 23, swallows part of motions well below a pixel"""
+    """how the videos are stored; h264, at crf 23, loses part of motions well below a pixel"""
 
     @model_validator(mode="after")
     def _check_rig(self) -> RigRequest:

@@ -126,7 +126,7 @@ def run_measurement(path: Path, out: Path, as_json: bool) -> None:
 
 @click.group("print", cls=HelpGroup, short_help="Print boards, markers and stands as PDF.")
 def print_() -> None:
-    """Make what is needed on paper, as PDF to true scale."""
+    """Print boards, markers and camera stands to true scale, as PDF."""
 
 
 def _number_option(

@@ -39,26 +39,26 @@ class PlanRequest(Study):
     varied_label = "cameras"
 
     body: Literal["beam", "plate"] = "beam"
-    """what is measured, unless a file describes it"""
+    """structure to measure, unless a file describes it"""
     plate_mm: tuple[fields.Positive, fields.Positive, fields.Positive] | None = None
-    """length, width and thickness of the plate, with material, support and numbers of markers of
-    the thesis's; null: the thesis's"""
+    """length, width and thickness of the plate, whose material, support and numbers of markers are
+    those of the thesis; null: the thesis's plate"""
     modes: fields.Several[fields.Mode] = [1, 2, 3]
     """modes to measure"""
     amplitude_mm: fields.Positive | list[fields.Positive] = 5.0
     """peak of the deflection over the structure"""
     target_percent: fields.Positive | None = 5.0
-    """largest error of a mode that is wanted, in % of its largest deflection of a marker; null asks
-    only what is possible"""
+    """largest error allowed in any mode, in % of the largest deflection of its markers; null: find
+    the least error only"""
     goal: Literal["shape", "sound", "sound-plane", "sound-point", "sound-power"] = "shape"
-    """whose error counts: of the deflection shape, or of the sound that the plate makes of it: its
-    field on two planes, or on one of them, the pressure at a point, or the power"""
+    """quantity whose error is minimised: the deflection shape, or the sound that the plate
+    radiates: its field on two planes or on one, the pressure at a point, or the power"""
     plane: Literal["XZ", "YZ"] = "XZ"
-    """which plane through the centre counts with goal "sound-plane": along, or across"""
+    """plane through the centre for goal "sound-plane": along the plate, or across it"""
     point_mm: tuple[Coordinate, Coordinate, fields.Positive] | None = None
-    """where the pressure counts with goal "sound-point": X, Y from the centre, Z above it"""
+    """point of the pressure for goal "sound-point": X, Y from the centre, Z above it"""
     objective: Literal["mean", "worst"] = "mean"
-    """which error of a mode counts: the mean (rms) over its markers, or that of its worst one"""
+    """error of a mode that is minimised: the mean (rms) over its markers, or the worst marker's"""
     counts: fields.Several[Count] = [2, 3, 4, 6, 8]
     """numbers of cameras to consider"""
     resolutions_px: fields.Several[fields.Resolution] = Field(
@@ -69,7 +69,7 @@ class PlanRequest(Study):
     """price of each of resolutions_px; empty: a layout costs its pixels per second"""
     frame_rates_hz: fields.Several[fields.Positive] = Field(
         [30.0, 60.0, 120.0, 240.0, 500.0, 1000.0, 2000.0, 4000.0],
-        description="frame rates that the cameras have; the lowest is taken that is "
+        description="frame rates that the cameras have; the plan uses the lowest that is "
         f"{MIN_FRAMES_PER_PERIOD:g} times the highest mode's frequency",
     )
     focal_lengths_mm: fields.Several[fields.Positive] = Field([24.0], max_length=6)
@@ -90,12 +90,12 @@ class PlanRequest(Study):
     """directions in which no camera may stand: [azimuth least, largest, elevation least, largest]
     """
     tilt_deg: Tilt = 75.0
-    """largest angle between a marker's normal and the line of sight at which it is read"""
+    """largest angle between a marker's normal and the line of sight at which it is detected"""
     in_view: Annotated[fields.Real, Field(gt=0, le=1)] = 1.0
-    """share of the markers that each camera must see and read; it counts for those alone"""
+    """fraction of the markers that each camera must detect; it measures those alone"""
     separation_mm: fields.Separation = 100.0
     estimator: fields.Estimator = "least-squares"
-    """how the simulation estimates points; predicted are least squares"""
+    """how the simulation estimates points; predictions assume least squares"""
     step_deg: fields.Step = 10.0
     starts: fields.Starts = 3
 

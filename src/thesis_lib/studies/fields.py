@@ -311,7 +311,9 @@ Estimator = Literal["least-squares", "analytic-centre", "interval"]
 Trials = Annotated[
     Whole,
     Field(
-        ge=0, le=1_000_000, description="random shifts of the pixel grids beside the nominal run"
+        ge=0,
+        le=1_000_000,
+        description="random shifts of the pixel grids, in addition to the nominal run",
     ),
 ]
 Shifts = Annotated[Whole, Field(ge=2, le=10_000, description="random shifts of the pixel grids")]

@@ -26,7 +26,7 @@ class Claims(Study):
     readings: list[Literal[*READINGS]] = [  # type: ignore[valid-type]
         name for name in READINGS if name != ADOPTED_READING
     ]
-    """readings of what the thesis leaves open, to compare with the adopted one"""
+    """interpretations of what the thesis leaves open, to compare with the adopted one"""
 
 
 def reads() -> list[Study]:

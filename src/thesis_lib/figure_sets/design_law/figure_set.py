@@ -56,7 +56,7 @@ class DesignLaw(request.Study):
     frequency_hz: fields.Positive = 7.3
     """frequency of the vibration that is fitted, at most 0.4 of the lowest frame rate"""
     duration_s: Annotated[fields.Real, Field(gt=0, le=10)] = 1.0
-    """how long it is recorded"""
+    """duration of the recording"""
     trials: fields.Shifts = 200
 
     @property

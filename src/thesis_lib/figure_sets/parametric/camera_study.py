@@ -55,7 +55,7 @@ class CameraStudy(request.Study):
     estimator: fields.Estimator = "least-squares"
     """how points are estimated from rounded pixels; the thesis takes least squares"""
     noise_px: Annotated[fields.Real, Field(ge=0, le=10)] = 0.0
-    """standard deviation of noise in the images before they are rounded; interval is told it"""
+    """standard deviation of noise in the images before rounding; estimator interval uses it"""
     modes: fields.Several[fields.Mode] = [1, 2, 3]
     """modes to measure"""
 

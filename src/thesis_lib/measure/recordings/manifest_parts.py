@@ -287,8 +287,8 @@ class ReusedRig(Fields):
     calibration.nc, YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib,
     caliscope or Pose2Sim"""
     poses: Literal["kept", "anew"] = "kept"
-    """kept if the cameras have not moved since; anew estimates their poses from the board images,
-    and takes only the lenses from the file"""
+    """kept if the cameras have not moved since; else their poses are estimated from the board
+    images, and only the lenses are taken from the file"""
     unit: Literal["m", "mm"] | None = None
     """unit of the file's lengths; null is the unit that the file states, else m"""
 
