@@ -66,11 +66,11 @@ def project_root() -> Path:
 def workplace() -> Path:
     """Return the folder of runs, caches and logs: the checkout, else the working directory."""
     root = shipped()
-    return _START_FOLDER() if root.name == _SHIPPED_FOLDER else root
+    return _start_folder() if root.name == _SHIPPED_FOLDER else root
 
 
 @cache
-def _START_FOLDER() -> Path:
+def _start_folder() -> Path:
     """Return the working directory at the first call: a kernel gets a folder of its own later."""
     return Path.cwd()
 

@@ -320,9 +320,8 @@ def candidate_positions(scene: Scene, step: float) -> Array:
         near = nearest_distances(scene, grid, focal)
         steps = np.linspace(0, 1, _TRIED_DISTANCES)
         ladder = [lengths(near * (limits[1] / near) ** t, limits) for t in steps]
-        every = np.stack(
-            [combine_positions(grid, d, focal) for d in ladder]
-        )  # ladder, directions, 4
+        # Of shape (ladder, directions, 4)
+        every = np.stack([combine_positions(grid, d, focal) for d in ladder])
         allowed = are_permitted(scene, every.reshape(-1, 4)).reshape(len(ladder), -1)
         if limits[0] == limits[1]:
             allowed[1:] = False

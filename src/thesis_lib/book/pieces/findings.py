@@ -194,11 +194,8 @@ def error_over_law(chapter: Sequence[xr.Dataset]) -> Array:
 def tabulate_scatter(opened: Cubes) -> str:
     """Tabulate the quantiles of the trials' errors over the predicted ones, for beam and plate."""
     rows = [
-        (
-            subject,
-            np.nanquantile(error_over_law(select_subject(opened, subject)), [0.05, 0.5, 0.95]),
-        )
-        for subject in ("beam", "plate")
+        (one, np.nanquantile(error_over_law(select_subject(opened, one)), [0.05, 0.5, 0.95]))
+        for one in ("beam", "plate")
     ]
     return render(__file__, "rounding-scatter", rows=rows)
 

@@ -299,10 +299,8 @@ def _minimise_cost(observations: Array, points: Array, network: Network, free: M
     cost, damping = np.nansum(residuals**2), 0.0
     for _ in range(MAX_STEPS):
         change = _invert_normal(normal, network, free, damping)[0] @ right
-        predicted_decrease = float(
-            change @ right
-        )  # decrease of the cost for linear residuals, undamped
-        if predicted_decrease <= 1e-12 * cost or predicted_decrease < 1e-18:
+        decrease = float(change @ right)  # of the cost, predicted for linear residuals, undamped
+        if decrease <= 1e-12 * cost or decrease < 1e-18:
             return step_network(network, change)
         trial = step_network(network, change)
         new = normal_equations(observations, points, trial)

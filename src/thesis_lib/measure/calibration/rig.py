@@ -38,9 +38,7 @@ _MAX_FOCAL_STD = 0.05
 _THESIS_CORNERS = (6, 8)  # inner corners of the squares used in the thesis, Appendix D
 _MAX_FIT_TILES = 0.2  # largest rms distance between a board's poses by two cameras, in tiles
 _MIN_DISTINCT_RATIO = 2.0  # least ratio of the second-best rig's error to the best rig's
-_MAX_OUTLIER_FRACTION = (
-    1 / 3
-)  # fraction of the shared poses above which the rig is wrong, not the poses
+_MAX_OUTLIER_SHARE = 1 / 3  # share of the shared poses above which the rig is wrong, not the poses
 # Rms residual of the joint adjustment over that of each camera alone, above which the board moved
 # between simultaneous images: 1.0 on rendered and 1.1 on photographed boards, 10 on a board held by
 # hand in front of cameras that are up to 20 ms out of step.
@@ -207,7 +205,7 @@ def unify_corners(
             left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
         result[camera, shot] = np.asarray(shots[camera][shot])[:, orders[choice]]
     shared = np.count_nonzero(seen.sum(axis=0) > 1)
-    if len(left_out) > _MAX_OUTLIER_FRACTION * shared:
+    if len(left_out) > _MAX_OUTLIER_SHARE * shared:
         raise CalibrationError(
             f"{len(left_out)} of {shared} poses are up to {1e3 * max(left_out.values()):.1f} mm "
             f"off the rig of the others, allowed {1e3 * _MAX_FIT_TILES * board.tile:.1f} mm: do "

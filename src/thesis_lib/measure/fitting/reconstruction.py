@@ -15,10 +15,8 @@ from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.vision.pinhole import Camera, project, projection_matrices
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
-MAX_GRID_MISFIT, MAX_GRID_SCALE_ERROR = (
-    0.1,
-    0.01,
-)  # largest rms misfit over spacing, and scale error, at rest
+MAX_GRID_MISFIT = 0.1  # largest rms misfit at rest over the spacing
+MAX_GRID_SCALE_ERROR = 0.01  # at rest
 
 
 def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
