@@ -1,4 +1,4 @@
-"""Sound of a measured vibration: estimates without bias, and their standard errors.
+"""Sound of a measured vibration: values and their standard errors.
 
 A measurement gives complex amplitudes ŵ = w + e with Gaussian errors e of mean 0. Stack real and
 imaginary parts, x = (Re w, Im w), and let Σ be the covariance of x̂. A pressure is linear in w; a

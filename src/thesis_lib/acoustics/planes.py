@@ -240,7 +240,7 @@ class PlateSound:
     def expected_power_error(self, covariance: ArrayLike) -> float:
         """Return the rms power error in % for small unbiased errors of covariance C.
 
-        C is (markers, markers); the errors' own power tr RC adds to the variance 4 wᵀRCRw.
+        C is (markers, markers); (tr RC)², of the errors' own power, adds to the variance 4 wᵀRCRw.
         """
         C, R = np.asarray(covariance, float), self.resistance
         slope = R @ self.reference

@@ -15,9 +15,9 @@ pressure difference μ follows from the velocity v by
     −jωρ₀ v(x) = ∫ μ(y) (1 + jkR) e^{−jkR} / (4πR³) dS,    R = |x − y|,
 
 in Hadamard's sense (A. D. Pierce, Acoustics, section 4.6), and the power of one side is
-¼ Re ∫ μ v* dS. The difference is constant in each of equal cells, whose static part is integrated
-exactly, as for a lattice of ring vortices. Such a lattice acts as if it were larger by a quarter of
-a cell at each edge, so the cells end that far inside the outline.
+¼ Re ∫ μ v* dS. The difference is taken as constant in each of equal cells; the static part of the
+integral is exact, as for a lattice of ring vortices. Such a lattice acts as if it were larger by a
+quarter of a cell at each edge, so the cells end that far inside the outline.
 """
 
 from __future__ import annotations

@@ -148,7 +148,7 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
         files = {app.builder.get_relative_uri(page, name): name for name in titles}
         for near in filter(None, map(context.get, ("prev", "next"))):
             near["title"] = name_page(files[near["link"]])
-    title = unescape(context.get("title") or app.config.project)  # the index page has none here
+    title = unescape(context.get("title") or app.config.project)  # the general index has none here
     paragraphs = tree.findall(nodes.paragraph) if tree else ()
     first = next((one.astext() for one in paragraphs if one.astext().strip()), "")
     description = " ".join(first.split()) or title

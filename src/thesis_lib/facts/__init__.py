@@ -1,1 +1,1 @@
-"""The thesis as data: structures, setups, claimed values, trends and interpretations."""
+"""The thesis as data: structures, setups, claimed values, trends, numbers, interpretations."""

@@ -27,7 +27,7 @@ from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotation
 MIN_ALIAS_PERIODS = 0.5  # distance of an alias from 0 and half of the frame rate, times duration
 MAX_EXPOSURE_PERIODS = 0.8  # longest exposure over a period
 MAX_APPARENT_SHIFT = 0.4  # largest apparent motion over the markers' spacing
-MAX_VIEW_EXTENT = 0.98  # largest extent of the structure over the image
+MAX_VIEW_EXTENT = 0.98  # largest offset of the structure from the image centre over half the image
 MIN_MARKER_HEIGHT_PX = 1.0  # least height of a marker's image
 
 Sizes = tuple[float, float]  # m

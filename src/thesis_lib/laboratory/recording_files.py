@@ -107,7 +107,7 @@ def manifest_of(rig: Rig) -> Manifest:
 
 
 def _describe_structure(structure: Structure, markers: Markers) -> manifest_parts.StructureSpec:
-    """Describe the structure, with markers by rows where they form such, else by points."""
+    """Describe the structure, with markers by rows if they form rows, else by points."""
     x, y = structure.force_point[:, 0]
     own: dict[str, Any] = {"kind": "beam"}
     if isinstance(structure, Plate):

@@ -1,6 +1,6 @@
 """The rendered laboratory: cameras like those of chapter 5, the structure, and the board.
 
-World time begins before the first camera starts. Every camera starts at a random time, at which its
+World time begins before the first camera starts. Every camera starts at its own time, at which its
 clock is 0; the exposure of frame k is centred at k / frame rate on that clock.
 
 The board has twelve poses that all four cameras can see. Cameras that face each other at 22°

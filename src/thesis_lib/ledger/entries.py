@@ -306,12 +306,12 @@ def explain_differences(found: Iterable[Entry], readings: xr.Dataset) -> list[En
 
 
 def _by_interpretation(name: str, readings: xr.Dataset) -> str:
-    """Describe the other interpretation that meets a value, if any, and its count of values."""
+    """Describe the other interpretation that meets a value, if any, and how many it meets."""
     names = readings["reading"].values.tolist()
     met = readings["reading_inside"].sum("chapter").values
     meets = readings["reading_meets"].sel(value=name).values.astype(bool)
     changes = {at: setups.READINGS[names[at]].values.items() for at in np.flatnonzero(meets) if at}
-    # without those whose changes include all changes of another one
+    # without those whose changes include all changes of another one, and more
     others = [at for at, own in changes.items() if not any(one < own for one in changes.values())]
     if not others:
         return f"{NOT_FOUND[:-1]}: none of {len(names) - 1} other interpretations meets this value."

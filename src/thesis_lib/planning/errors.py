@@ -7,7 +7,7 @@ Independent errors σ of all image coordinates give a marker the covariance σ²
 information M = Σ JᵀJ is a sum over the cameras that see it. Whole pixels have σ² = 1/6 px² for a
 motion, averaged over amplitudes, and 1/12 if the rest position is known. The objective is the
 variance along the marker's normal, σ² nᵀ M⁻¹ n. With JᵀJ of every candidate known, a layout takes
-only a sum. M grows with the square of the pixels across, so the best layout is the same for all.
+only a sum. M grows with the square of the pixels across: the best layout does not depend on them.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ from thesis_lib.planning.positions import Scene
 from thesis_lib.vision import pinhole, rounding, simulation, triangulation
 
 ROUNDING_VARIANCE_PX2 = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
-AMPLITUDE_RANGE = (0.5, 1.5)  # amplitudes to average over, over the requested deflection
+AMPLITUDE_RANGE = (0.5, 1.5)  # averaged amplitudes, as multiples of the requested deflection
 
 
 def percent_factor(scene: Scene) -> Array:
@@ -107,7 +107,7 @@ def simulate_errors(
 def draw_errors(
     scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
 ) -> Array:
-    """Simulate deflection errors of a layout as studies do, in whole pixels of shifted grids.
+    """Simulate deflection errors as studies do, in whole pixels of randomly shifted grids.
 
     The shape is (modes, trials, markers), in m.
     """

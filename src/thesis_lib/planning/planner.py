@@ -32,7 +32,7 @@ class ImpossibleError(ParameterError):
 
 
 def ease_limits(scene: Scene) -> dict[str, Scene]:
-    """Return the scene without each parameter's limit; distances keep clear of the body."""
+    """Return, by parameter, the scene without its limit; distances keep clear of the body."""
     reach, rules = scene.body.reach + max(scene.peaks), scene.rules
     free: dict[str, dict[str, Any]] = {
         "separation_mm": {"separation": 0.0},
@@ -136,7 +136,7 @@ class Option:
     #: Error of every marker by the law of rounding, at the requested amplitude, in %, shape
     #: (modes, markers)
     point: Array
-    predicted: Array  #: Error of each mode that the request's goal is about, in %, shape (modes,)
+    predicted: Array  #: Error in the request's goal and objective by mode, in %, shape (modes,)
     bound: float  #: Lower bound of `expected` for all layouts on the search grid
     scene: Scene  #: Scene that was optimised
     #: Simulation in %: rms over the trials (modes,), and 5 and 95 % quantiles (2, modes)

@@ -232,7 +232,7 @@ def compute_visibility(scene: Scene, grid: Array, focal: Array) -> Visibility:
 
 
 def can_read(scene: Scene, seen: Visibility, distance: Array) -> Mask:
-    """Return which markers' whole motion is in the image and not too tilted, (places, markers).
+    """Return which markers stay in the image and are not too tilted to be read, (places, markers).
 
     Cameras are at a `distance` (places,) in m.
     """

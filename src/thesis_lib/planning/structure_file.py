@@ -37,7 +37,7 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
 
     Raises
     ------
-    MeshError
+    StructureFileError
         With one line that names the file and what it needs.
     """
     if has_hidden(path.name):  # the plan is named after it

@@ -216,7 +216,7 @@ DIVERGING_COLORS = tuple(to_hex(color) for color in _DIVERGING_MAP(range(129)))
 
 
 def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) -> Any:
-    """Draw a map to scale: values (up, across) at centres of cells, with colours about zero."""
+    """Draw a map to scale: values (up, across) at centres of cells, colours symmetric about 0."""
     half = [(a[1] - a[0]) / 2 for a in (across, up)]
     extent = (across[0] - half[0], across[-1] + half[0], up[0] - half[1], up[-1] + half[1])
     picture = axes.imshow(

@@ -39,9 +39,9 @@ _THREAD_VARIABLES += ["VECLIB_MAXIMUM_THREADS"]
 
 
 def check_process() -> None:
-    """Check that the process has standard streams, enough open files, a working directory.
+    """Open closed standard streams, raise a low limit of open files, check the working directory.
 
-    Closed standard streams are opened; otherwise files would get their descriptors.
+    Else opened files would get the descriptors of closed streams, and their output.
     """
     while (number := os.open(os.devnull, os.O_RDWR)) < 3:
         pass
@@ -219,7 +219,7 @@ def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | No
 
 
 def new_folder(out: Path, option: str = "--out") -> Path:
-    """Return the absolute path of an output folder, if it can be created and written to."""
+    """Check that an output folder can be created and written to; return its absolute path."""
     if str(out) in ("", "."):
         raise RefusedError(f"{option}: given no folder of its own, allowed: {_ANY_FOLDER}")
     folder = out.absolute()

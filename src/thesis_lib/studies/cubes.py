@@ -242,7 +242,7 @@ def difference_lines(
 
 
 def _tabulate_errors(table: pd.DataFrame, first: str, old_name: str) -> list[str]:
-    """Return a header, a line per setting and mode, and a legend, with trial 0 as `first`."""
+    """Return a header, a line per setting and mode, and a legend; `first` describes trial 0."""
     row = "{:>6} {:>12} {:>4} {:>5} | {:>7} | {:>20} | {:>7} | {:>20} | {:>7}".format
     names = "trial 0", "median (5–95 %)", "trial 0", old_name, "change"
     header, lines = row("case", "setting", "mode", "error", *names), []

@@ -81,7 +81,7 @@ def write_netcdf(
 
 
 def _step(values: xr.DataArray) -> np.float32 | None:
-    """Return the step, a power of two, of whose multiples a large field is stored, else None.
+    """Return the step, a power of two, in multiples of which to store a large field, else None.
 
     Variables with trials have none, since the ledger computes with them.
     """

@@ -198,7 +198,7 @@ class _Slabs:
 
 
 def _all_slacks(holds: Mask, frames: int) -> Mask:
-    """Test whether a condition on slacks (2, 2, cameras, frames × m) holds for all of a marker."""
+    """Test whether all slacks (2, 2, cameras, frames × m) of a marker meet a condition, (m,)."""
     each = np.all(holds, axis=(0, 1, 2))
     return np.asarray(np.all(each.reshape(frames, -1), axis=0), bool)
 

@@ -32,8 +32,8 @@ _LATTICE_RADIUS = 60  # harmonics of the plane within it are summed one by one, 
 def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> Array:
     """Return the variance in px² of a rounded sinusoid's mean over infinitely many shaken frames.
 
-    It is Σ_k J₀(2πka)² exp(−4π²k²s²) / (2π²k²), or 1/12 without motion. Its root falls as 1/√a,
-    and with shake soon as exp(−2π²s²) / (√2 π).
+    It is Σ_k J₀(2πka)² exp(−4π²k²s²) / (2π²k²), or 1/12 without motion and shake. Its root falls
+    as 1/√a, and with shake soon as exp(−2π²s²) / (√2 π).
     """
     return _sum_harmonics(lambda k, a: j0(2 * np.pi * k * a) ** 2 / 2, amplitude_px, shake_px)
 

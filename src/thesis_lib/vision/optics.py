@@ -123,7 +123,7 @@ def depth_error(
 def round_depth(
     depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike, shifts: ArrayLike
 ) -> Array:
-    """Return the depths that two parallel cameras measure in whole pixels of a point midway.
+    """Return depths of a point midway between two parallel cameras, from whole pixels.
 
     Parameters
     ----------

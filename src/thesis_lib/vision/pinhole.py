@@ -6,7 +6,7 @@ corner of the sensor. ``R_camera_world`` turns world directions into camera dire
 cameras and coordinates first and points last: world points are ``(3, ...)``, images
 ``(cameras, 2, ...)``.
 
-Each real camera has its intrinsics and distortion (Brown–Conrady).
+Each real camera has its own intrinsics and distortion (Brown–Conrady).
 Pixels are counted as in the rest of the library: from the sensor's top-left corner, so the centre
 of the first pixel is at (0.5, 0.5). OpenCV counts from that centre; :data:`HALF_PIXEL` converts,
 and only the modules that call OpenCV need it. Counted from the corner, K simply scales with the

@@ -55,7 +55,7 @@ def _cached_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
 def image_noise(
     seed: int, trials: int, modes: Sequence[int], n_cameras: int, markers: int, first: int = 0
 ) -> Array:
-    """Draw standard normal image noise, a function of (seed, trial, mode) and position alone.
+    """Draw standard normal image noise, a function of (seed, trial, mode) and array index alone.
 
     The frames are at rest and in the modes of given numbers, the trials from `first` to the last:
     shape (trials + 1 - first, n_cameras, 2, 1 + modes, markers). The nominal run has noise, too.

@@ -147,7 +147,7 @@ class Effect:
     """How strongly a conclusion holds in the curves of one group."""
 
     group: str  #: Group of the measurements
-    ends: tuple[float, float]  #: The factor's values with the expected largest and least error
+    ends: tuple[float, float]  #: Values at which the error should be largest and least
     #: Error at the best end over that at the worst, of each curve: here, and as claimed
     ratios: Array
     claimed: Array

@@ -166,7 +166,7 @@ def tabulate_sound_layouts(opened: Cubes) -> str:
 
 
 def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
-    """Return by factor the values with a body's largest and least expected error, and their ratio.
+    """Return by factor where a body's error should be largest and least, and the errors' ratio.
 
     `share` is the error at the best value over that at the worst, median over cases and modes.
     """

@@ -21,7 +21,7 @@ STRUCTURES: dict[str, Callable[[], Structure]] = {
 SWEPT_FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
 SWEEP_STEPS = 61
 WIDE_DEG = 60.0  # aperture whose error is compared with the least
-CONE_MOTION_PX = 4.0  # range of random motions on the cone; all fractions of a px are as likely
+CONE_MOTION_PX = 4.0  # range of random motions on the cone; fractions of a px are equally likely
 AMPLITUDE_RANGE = (0.5, 1.5)  # of averaged amplitudes, relative to the thesis's
 
 
@@ -173,7 +173,7 @@ def fit_arrays(study: DesignLaw) -> dict[str, ArrayLike]:
 
 ELEVATIONS_DEG = (10.0, 25.0, 60.0)
 APERTURES_DEG = (16.0, 60.0, 120.0, 180.0)
-SWING_PX = 1.0  # range of random motions; all fractions of a pixel are as likely
+SWING_PX = 1.0  # range of random motions; all fractions of a pixel are equally likely
 DRAWS_PER_TRIAL = 20
 
 

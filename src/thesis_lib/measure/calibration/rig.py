@@ -218,8 +218,8 @@ def unify_corners(
 def _list_symmetries(board: Board, two_sided: bool) -> Array:
     """Return the board's symmetries, rigid motions (symmetries, 4, 4), the identity first.
 
-    Turning the board over turns it about its middle plane, half a thickness behind the visible
-    side.
+    Turning the board over rotates it about an axis in its middle plane, half a thickness behind the
+    visible side.
     """
     half, flip = np.diag([-1.0, -1.0, 1.0, 1.0]), np.diag([1.0, -1.0, -1.0, 1.0])
     flip[2, 3] = -board.thickness

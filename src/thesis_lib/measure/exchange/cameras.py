@@ -38,7 +38,7 @@ CALIBRATION_KINDS = (
     "YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"
 )
 MIN_MILLIMETRE_SPAN_M = 100.0  # m; a larger span of the cameras suggests lengths in mm
-# Names of the Brown model; the last has no more than five nonzero coefficients
+# Names of the Brown model, which are accepted with no more than five nonzero coefficients
 _BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan", "rational_polynomial"}
 _NAMES_FILE = Path(__file__).with_name("camera_names.toml")
 _NAMES: dict[str, list[str]] = tomllib.loads(_NAMES_FILE.read_text(encoding="utf-8"))

@@ -75,7 +75,7 @@ class RigPrediction:
 
     located: int  #: Cameras with given lens and position; others are ignored
     noise_px: float  #: Assumed scatter of the centres, px
-    #: Steady-state interval, s, and the slowest camera's frames in it
+    #: Length of the steady-state interval, s, and the slowest camera's frames in it
     steady_interval_s: float
     frames: int
     #: Of one frame, of the harmonic fit, and of whole-pixel centres at `amplitude_mm`, mm

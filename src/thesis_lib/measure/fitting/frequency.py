@@ -28,7 +28,7 @@ MIN_EXPLAINED_SHARE = 0.5  # share of their variance that one frequency must exp
 PHASE_PARTS = 12  # largest number of parts whose phases are compared
 MIN_PART_FRAMES = 16  # fewest frames of such a part
 MIN_CLOCK_SIGMAS = 5.0  # standard errors above which a clock is corrected
-# Phase in rad, over the recording or at its start, above which it is corrected
+# Phase drift over the recording, or phase lag, in rad, above which a clock is corrected
 MIN_PHASE_RAD = 0.01
 
 

@@ -8,7 +8,7 @@ The amplitude of a track at a pole λ contains two factors of the camera: e^{λ�
 exposed later by δ, and sinh(λT/2) / (λT/2) for an exposure of T. Both are divided out. Each mode is
 then a harmonic motion, and is triangulated like a single sine.
 
-A camera that starts later than assumed records every mode with a phase lag proportional to its
+A camera that starts later than assumed records every mode with a phase shift proportional to its
 frequency. Several modes determine the delay beyond the period of any one of them.
 """
 

@@ -22,7 +22,7 @@ from thesis_lib.measure.recordings.media_info import MediaError
 BLOCK_SAMPLES = 1 << 16  # samples that are read at once
 SAMPLE_FORMAT = "flt"  # interleaved channels: PyAV cannot read eight planes or more
 MIN_GAP_S = 0.015  # least jump of time stamps that is a gap: the shortest lost packet has 20 ms
-JUMP_FRAMES = 8  # on either side of a jump; comparing medians, a single late stamp is no jump
+JUMP_FRAMES = 8  # on either side of a jump; medians are compared: a single late stamp is no jump
 PRIMING_S = 0.15  # time at either end in which a jump is encoder priming: 4 AAC packets have 85 ms
 MILLISECOND_S = 1.001e-3  # rounding of time stamps in containers that count in milliseconds
 PACE_PARTS = 16  # parts of a track whose mean time stamps give the standard error of the pace

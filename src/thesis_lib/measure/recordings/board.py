@@ -59,7 +59,7 @@ class Board:
     def corners_in_images(self, images: Array) -> Array:
         """Return the corners of the side that each image shows, in the front side's frame, in m.
 
-        Corners of the back lie one thickness behind, and their order is reversed in an image.
+        Corners of the back lie one thickness behind, and their order is mirrored in an image.
 
         Parameters
         ----------

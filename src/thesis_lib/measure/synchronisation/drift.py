@@ -64,7 +64,7 @@ class Drift:
     #: Delays of these windows, s, shape (windows,)
     delays: Array = field(default_factory=lambda: np.empty(0))
     agreement: float = 0.0  #: Share of the windows with a peak that have one on the line
-    #: Sum of the correlations of the windows on the line, over the root of the number of windows
+    #: Sum of the correlations of the windows on the line, over the root of all windows' number
     score: float = 0.0
     #: Drift at the sample rates stated in the files, which may differ from the time stamps
     sample_drift: float = np.nan

@@ -135,7 +135,7 @@ class Synchronisation:
     match: matching.Match | None = None
     frequency: float | None = None  #: Of the sine, Hz; None in a room
     snr: float = np.nan  #: Smallest :attr:`~.delays.Match.snr` of all
-    #: Drift of each recording whose delay is therefore that in its middle
+    #: Drift of each recording whose delay is that in its middle
     drifts: Mapping[int, Drift] = field(default_factory=dict)
     sources: Sequence[str] = ()  #: Remark on each sound track; empty if it is as its file states
 

@@ -18,7 +18,7 @@ TONE_RATE = 64  # samples per period at which a sine's phase is fitted
 MIN_SAMPLES_PER_PERIOD = 8  # fewest samples per period for a fit
 MIN_SETTLED_PERIODS = 3  # shortest steady-state interval in periods
 MIN_LOUD_RATIO = 0.5  # of the 95 % quantile of amplitudes, above which an amplitude is loud
-MIN_EXPLAINED_SHARE = 0.8  # share of the variance, some harmonics included, a sine must explain
+MIN_EXPLAINED_SHARE = 0.8  # share of the variance, up to some harmonics, a sine must explain
 MAX_FREQUENCY_ERROR = 0.01  # largest accepted relative error of a given frequency
 MAX_SLIP_TURNS = 0.16  # or largest accepted phase error over the whole length, in turns
 FITTED_SAMPLES = 1 << 16  # samples per step of a fit
@@ -183,7 +183,7 @@ def check_tone(
 def find_tone(
     x: Signal, rate: float, name: str, steady: Interval | None = None
 ) -> tuple[float, float]:
-    """Estimate the frequency in Hz of a recording's strongest sine; return it and the length in s.
+    """Estimate the frequency in Hz of a recording's strongest sine, and the sine's length in s.
 
     The search starts at the highest line of the spectrum below an eighth of the rate. The frequency
     is the one that explains most of the steady-state interval, or of that from `steady[0]` to

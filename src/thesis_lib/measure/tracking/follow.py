@@ -77,7 +77,7 @@ class Table:
         self.contrast = self.fit(image, start)[3]
 
     def fit(self, image: Image, start: Array) -> tuple[Array, Mask, Mask, float]:
-        """Fit centres (2, n), px; return them, masks (fit accepted, in the frame), and contrast."""
+        """Fit centres (2, n), px, near `start`; return them, masks (accepted, inside), contrast."""
         n, (height, width) = start.shape[1], image.shape
         centre, inside = start.copy(), np.isfinite(start[0])
         contrast, squares, used = np.zeros(n), np.full(n, np.inf), np.ones(n)

@@ -101,7 +101,7 @@ export function createImage() {
   }
   return {
     node, pixels: () => Array.from(seen),
-    // Projection matrices, size in px, points at rest and deflected, offset in px, cameras' owner.
+    // Projection matrices, size in px, points at rest and deflected, offset in px, setting's name.
     load(cameras, sensor, markers, deflected, offset = 0, whose = "") {
       [P, size, rest, moved, shifts] = [cameras, sensor, markers, deflected, [offset, offset]];
       name = whose && `${whose}: `;

@@ -32,7 +32,7 @@ export const icon = (width, ...parts) =>
 export const button = (words, attributes, onclick) =>
   html("button", { type: "button", ...attributes, onclick }, words);
 export const options = (pairs) => pairs.map(([value, words]) => html("option", { value }, words));
-// `pairs` are of a value and its label.
+// `pairs` are pairs of a value and its label.
 export function select(pairs, attributes, onChange, value = null) {
   const onchange = ({ target }) => onChange(target.value);
   const node = html("select", { ...attributes, onchange }, options(pairs));

@@ -81,7 +81,7 @@ function findProblem(values, settings, peaks, facts, { length, width }) {
     .every((sets) => sets.every((one, i) => !i || sets[i - 1].length < one.length));
   return grow && own ? "" : refuse("layouts", layouts, conditions.layouts);
 }
-function findLimit({ estimator, noise_px: noise, modes }, settings, count) { // beyond a page, or ""
+function findLimit({ estimator, noise_px: noise, modes }, settings, count) { // the exceeded limit, or ""
   if (estimator !== "least-squares") return `the estimator ${estimator}`;
   if (noise > 0) return "noise in the images";
   const counts = settings.map((one) => one.cameras.length), most = Math.max(...counts);

@@ -109,7 +109,7 @@ function render({ model, el }) {
   const [a, d] = ["a", "d"].map((letter) => figure(letter, svg("svg")));
   const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight, remember);
   const image = createImage(), motion = createMotion([sketch.move, image.show]);
-  let panels = null; // panels by kind of structure
+  let panels = null; // those of the kind of structure
 
   // --- controls
   const choose = (name) => (value) => { model.set(name, value); model.save_changes(); remember(); };
