@@ -27,8 +27,8 @@ from thesis_lib.figure_sets import cube_file
 
 for line in sys.stdin:
     cube_file.code_digest.cache_clear()  # as in a process of its own
-    states = {name: [build.results_key(name), build.is_result_current(name)] for name in line.split()}
-    print(json.dumps(states), flush=True)
+    found = [[build.results_key(name), build.is_result_current(name)] for name in line.split()]
+    print(json.dumps(dict(zip(line.split(), found))), flush=True)
 """
 EVERY = {GOOD, BAD}
 WAITS = """
