@@ -1,19 +1,19 @@
 // A click, a tap or the button next to a figure opens it as large as the window.
 (() => {
   const { element, button, dialog } = window.thesisBook;
-  const MOST = 12, STEP = 1.4;
+  const MAX_ZOOM = 12, ZOOM_STEP = 1.4;
   const phone = matchMedia("screen and (max-width: 600px)");
   let content = null, scale = 1, fit = () => 1; // px at which the content fits the window
 
   const box = dialog("tl-zoom", "Figure"), caption = element("p", "tl-zoom-caption");
   const view = element("div", { className: "tl-zoom-view", tabIndex: 0, role: "group",
     ariaLabel: "Figure: plus and minus change its size, arrows move it" });
-  const tools = [["−", "Smaller", () => zoom(scale / STEP)], ["+", "Larger", () => zoom(scale * STEP)],
+  const tools = [["−", "Smaller", () => zoom(scale / ZOOM_STEP)], ["+", "Larger", () => zoom(scale * ZOOM_STEP)],
     ["fit", "Fit the window", () => zoom(1)], ["close", "Close", () => box.close()]];
   const buttons = tools.map(([words, ariaLabel, act]) => button("", words, act, { ariaLabel }));
   box.append(element("div", "tl-zoom-tools", ...buttons), view, caption);
   box.addEventListener("keydown", (event) => {
-    const to = { "+": scale * STEP, "=": scale * STEP, "-": scale / STEP, 0: 1 }[event.key];
+    const to = { "+": scale * ZOOM_STEP, "=": scale * ZOOM_STEP, "-": scale / ZOOM_STEP, 0: 1 }[event.key];
     if (!to) return;
     zoom(to);
     event.preventDefault();
@@ -23,7 +23,7 @@
   // Sizes, not transforms: drawings are rendered again at each size, and so stay sharp.
   function zoom(to) { // the centre stays in place
     const [x, y] = [view.clientWidth / 2, view.clientHeight / 2];
-    const next = Math.min(MOST, Math.max(1, to)), grown = next / scale;
+    const next = Math.min(MAX_ZOOM, Math.max(1, to)), grown = next / scale;
     const [left, top] = [(view.scrollLeft + x) * grown - x, (view.scrollTop + y) * grown - y];
     scale = next;
     content.style.width = `${scale * fit()}px`;

@@ -36,7 +36,7 @@ window.thesisBook = (() => {
 addEventListener("load", async () => {
   const { element } = window.thesisBook;
   await window.MathJax?.startup?.promise;
-  const phone = matchMedia("(max-width: 600px)"), MOST = 6; // rows that become cards: more would make the page too long
+  const phone = matchMedia("(max-width: 600px)"), MAX_CARD_ROWS = 6; // rows that become cards: more would make the page too long
   const ROLES = { THEAD: "rowgroup", TBODY: "rowgroup", TR: "row", TH: "columnheader", TD: "cell" };
   const SPANS = "[colspan]:not([colspan='1']), [rowspan]:not([rowspan='1'])";
 
@@ -54,7 +54,7 @@ addEventListener("load", async () => {
         cell.prepend(element("span", { className: "tl-label", ariaHidden: true }, ...head.childNodes));
     }
   };
-  const isRegular = ({ tHead, rows }) => tHead?.rows.length === 1 && rows.length <= MOST;
+  const isRegular = ({ tHead, rows }) => tHead?.rows.length === 1 && rows.length <= MAX_CARD_ROWS;
   const isWide = (box) => box.scrollWidth > box.clientWidth + 1;
   const fit = (box) => { // a box around a table or an equation
     const table = box.querySelector("table"), scrolled = box.classList.contains("tl-scrolls");
@@ -85,7 +85,7 @@ addEventListener("load", async () => {
 // Previews of links: on hover, on focus, or at a first tap.
 (() => {
   const { root, element, entries } = window.thesisBook;
-  const LINKS = ".bd-article a.reference.internal", WAIT = 250, LONGEST = 320; // ms, characters
+  const LINKS = ".bd-article a.reference.internal", WAIT_MS = 250, MAX_TEXT_LENGTH = 320; // ms, characters
   let places = null, of = null, timer = 0, touched = false;
 
   const known = () => (places ??= entries().then((all) => new Map( // the first of two at one place
@@ -97,13 +97,13 @@ addEventListener("load", async () => {
     of = null;
     box.hidden = true;
   };
-  const later = () => { clearTimeout(timer); timer = setTimeout(hide, WAIT); };
+  const later = () => { clearTimeout(timer); timer = setTimeout(hide, WAIT_MS); };
   const box = element("div", { className: "tl-preview", id: "tl-preview", role: "tooltip",
     hidden: true, onpointerenter: () => clearTimeout(timer), onpointerleave: later });
   document.body.append(box);
   const shorten = (text) => {
-    if (text.length <= LONGEST) return text;
-    const cut = text.slice(0, LONGEST), math = cut.lastIndexOf("\\("); // equations are not cut
+    if (text.length <= MAX_TEXT_LENGTH) return text;
+    const cut = text.slice(0, MAX_TEXT_LENGTH), math = cut.lastIndexOf("\\("); // equations are not cut
     return `${cut.slice(0, math > cut.lastIndexOf("\\)") ? math : cut.lastIndexOf(" "))} …`;
   };
   const show = async (link) => {
@@ -127,7 +127,7 @@ addEventListener("load", async () => {
     if (link === of) return clearTimeout(timer);
     hide();
     of = link;
-    timer = setTimeout(() => show(link), WAIT);
+    timer = setTimeout(() => show(link), WAIT_MS);
   };
   const on = (type, act, wanted = () => true) => document.addEventListener(type, (event) => {
     const link = event.target.closest?.(LINKS), isInner = link?.href.startsWith(root) &&

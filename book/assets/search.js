@@ -11,14 +11,14 @@
   const WEIGHT = { section: 1.2, figure: 1.3, equation: 1.2, term: 1.5, thesis: 1.3, name: 0.5, source: 1, claim: 0.4 };
   // Prose and figures come first, then tables of tests and claims, then the library, unless its name is searched for.
   const behind = (one, query) => /[._]/.test(query) && one.title.endsWith(query.trim()) ? 0 : one.page.startsWith("api/") ? 2 : one.kind === "claim" || /^(developers|benchmarks)\./.test(one.page) ? 1 : 0;
-  const LONGEST = 200, MOST = 20, TERMS = 12;
-  const FEW = 2; // results with one typo, up to which those with two are also searched
+  const MAX_TEXT_LENGTH = 200, MAX_RESULTS = 20, TERMS = 12;
+  const MAX_FEW_RESULTS = 2; // results with one typo, up to which those with two are also searched
 
   // Words, numbers such as 3.24, and names such as focal_px, indexed as a whole and in parts.
   const wholes = (text) => text.match(/[\p{L}\p{N}]+(?:[._'-][\p{L}\p{N}]+)*/gu) ?? [];
   const parts = (word) => (/^[\d.]+$/.test(word) ? [] : word.split(/[._-]/).filter((part) => part !== word));
   const words = (text) => wholes(text).flatMap((word) => [...new Set([word, ...word.split("."), ...parts(word)])]);
-  const asked = (text) => wholes(text.slice(0, LONGEST)).slice(0, TERMS).map((word) => (parts(word).length
+  const asked = (text) => wholes(text.slice(0, MAX_TEXT_LENGTH)).slice(0, TERMS).map((word) => (parts(word).length
     ? { combineWith: "OR", queries: [word, { combineWith: "AND", queries: parts(word) }] } : word));
   const lower = (word) => SHORT[word.toLowerCase()] ?? word.toLowerCase();
   const stem = (word) => {
@@ -57,7 +57,7 @@
     for (const typos of [0, 1, 2]) { // two swapped letters count as two
       const fuzzy = typos && ((term) => (typed(term) && term.length > 2 + typos ? typos : false));
       const found = index.search({ combineWith: "AND", queries }, { fuzzy, processTerm: typos ? lower : stem });
-      if (found.length > (typos === 1 ? FEW : 0)) return { found: shown(found) };
+      if (found.length > (typos === 1 ? MAX_FEW_RESULTS : 0)) return { found: shown(found) };
     }
     const some = index.search({ combineWith: "OR", queries }, { processTerm: stem }); // results with most of the words come first
     const most = Math.max(0, ...some.map((one) => new Set(one.queryTerms).size));
@@ -89,14 +89,14 @@
   const status = element("p", { className: "tl-results-status", role: "status" });
   dialog.append(status, list);
   closes(dialog);
-  input.maxLength = LONGEST;
+  input.maxLength = MAX_TEXT_LENGTH;
   const show = async () => {
     const book = await ready().catch(() => null), query = input.value;
     const { found, partly } = book ? find(book, query) : { found: [] };
-    list.replaceChildren(...found.slice(0, MOST).map(result));
+    list.replaceChildren(...found.slice(0, MAX_RESULTS).map(result));
     list.hidden = !found.length;
     const count = `${found.length} place${found.length === 1 ? "" : "s"}.`;
-    const many = found.length > MOST ? `The best ${MOST} of ${count}` : count;
+    const many = found.length > MAX_RESULTS ? `The best ${MAX_RESULTS} of ${count}` : count;
     status.textContent = !book ? "The book's index is missing." : !query.trim() ? ""
       : !found.length ? "Nothing found."
         : `${partly ? "No place has all of these words. With most of them: " : ""}${many}`;

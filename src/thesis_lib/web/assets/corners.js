@@ -2,8 +2,8 @@
 import { ARROWS, button, clamp, copyButton, fill, followDrag, html, path, placeIn, svg } from "./parts.js";
 
 const PLACES = ["(0, 0)", "(length, 0)", "(length, width)", "(0, width)"];
-const NEAR = 20; // px of the screen within which a corner is grabbed: the precision of a finger
-const ZOOM = 8, LENS = 272; // magnification, and side of the magnified part, px
+const GRAB_RADIUS_PX = 20; // px of the screen within which a corner is grabbed: the precision of a finger
+const LENS_ZOOM = 8, LENS_SIZE_PX = 272; // magnification, and side of the magnified part, px
 
 // Whether four corners go around a convex quadrilateral, as the manifest requires.
 function isConvex(points) {
@@ -72,7 +72,7 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     changed();
   }
   function magnify() { // the surroundings of the current place
-    const side = LENS / ZOOM, corner = centre.map((value) => value - side / 2);
+    const side = LENS_SIZE_PX / LENS_ZOOM, corner = centre.map((value) => value - side / 2);
     fill(lens, { viewBox: [...corner, side, side].join(" ") });
   }
   function put(k, [u, v], follow = true) { // limited to the image
@@ -95,7 +95,7 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     let k = own.points.length;
     if (k < 4) put(k, p); // corners of a narrow structure are near each other: none is grabbed yet
     else k = own.points.reduce((best, point, i) => (far(point) < far(own.points[best]) ? i : best), 0);
-    if (far(own.points[k]) > NEAR * scale()) return null;
+    if (far(own.points[k]) > GRAB_RADIUS_PX * scale()) return null;
     const off = own.points[k].map((value, i) => value - p[i]);
     put(k, own.points[k]);
     return (moved) => put(k, at(moved).map((value, i) => value + off[i]));
@@ -111,7 +111,7 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     if (!own.points[chosen]) return null;
     const still = centre;
     const to = (place) =>
-      put(chosen, place.map((px, i) => still[i] + (px - LENS / 2 - 1) / ZOOM), false);
+      put(chosen, place.map((px, i) => still[i] + (px - LENS_SIZE_PX / 2 - 1) / LENS_ZOOM), false);
     to(down);
     return to;
   }, release);

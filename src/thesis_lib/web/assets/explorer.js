@@ -5,7 +5,7 @@ import {
   asked, button, clamp, copyButton, field, fill, followWidth, html, isNumber, keep,
   options, percentInView, radios, select, show,
 } from "./parts.js";
-import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
+import { MAX_CAMERAS, bandOf, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
 import { formatCommand } from "./request.js";
 
@@ -21,7 +21,7 @@ const limits = ({ a }, { length, width }) => ({
   d: [Math.floor(500 * Math.hypot(length, width) + a) + 1, 10000],
   f: [1, 1000], a: [0.01, 100], w: [16, 8192],
 });
-const isLayout = (cameras) => cameras.length >= 2 && cameras.length <= MOST_CAMERAS &&
+const isLayout = (cameras) => cameras.length >= 2 && cameras.length <= MAX_CAMERAS &&
   cameras.every(([azimuth, elevation], i) =>
     Math.abs(azimuth) <= 360 && elevation > 0 && elevation <= 90 &&
     cameras.slice(0, i).every((other) => apart(cameras[i], other) > 1e-5));
@@ -210,7 +210,7 @@ function render({ model, el }) {
       html("div", { class: "tl-ex-camera", style: app.tint(i) },
         html("b", {}, `${i + 1}`), pair.map(([box]) => box), button("×",
           { "aria-label": `Remove camera ${i + 1}`, ...off(c.length <= 2) }, () => remove(i)))),
-    button("+ camera", { "aria-label": "Add a camera", ...off(c.length >= MOST_CAMERAS) },
+    button("+ camera", { "aria-label": "Add a camera", ...off(c.length >= MAX_CAMERAS) },
       addCamera));
     if (here) list.lastChild.focus({ preventScroll: true });
     return () => boxes.flat().forEach(([, refresh]) => refresh());

@@ -7,8 +7,8 @@ import {
 } from "./parts.js";
 import { RAD, dot, drawAxes, orbit, turnable } from "./space.js";
 
-const RISE = 0.14; // drawn largest deflection, relative to the extent
-const STRONGEST = 3; // largest factor on it
+const DRAWN_RISE = 0.14; // drawn largest deflection, relative to the extent
+const MAX_FACTOR = 3; // largest factor on it
 
 function render({ model, el }) {
   const { points, real, imag, error, faces, edges, frequency, colormap, outline } = model.get("data");
@@ -16,7 +16,7 @@ function render({ model, el }) {
   const most = Math.max(...real.map((re, i) => Math.hypot(re, imag[i])));
   const extent = Math.max(...outline.map((place) => Math.hypot(...place)));
   const motion = createMotion([move]), panel = figure("a", svg("svg"), "");
-  const strength = html("input", { type: "range", min: 0, max: STRONGEST, step: 0.05, value: 1,
+  const strength = html("input", { type: "range", min: 0, max: MAX_FACTOR, step: 0.05, value: 1,
     "data-testid": "strength", oninput: () => draw() });
   const names = { "aria-label": "The measured shape", "data-testid": "measured" };
   const root = html("section", { class: "tl-viewer tl-measured", ...names },
@@ -36,10 +36,10 @@ function render({ model, el }) {
   function draw() { // parts that depend only on rotation and width
     const width = panel.node.clientWidth || 480;
     const height = Math.max(220, Math.round(width * 0.5) - 40);
-    const tall = 2 * extent * Math.abs(Math.sin(view.elevation * RAD)) + 2 * RISE * extent;
+    const tall = 2 * extent * Math.abs(Math.sin(view.elevation * RAD)) + 2 * DRAWN_RISE * extent;
     const unit = Math.min((width - 40) / (2 * extent), (height - 50) / tall);
     const space = orbit(view, unit, [width / 2, height / 2]), { viewer, flat, centre } = space;
-    const rise = (Number(strength.value) * RISE * extent) / most;
+    const rise = (Number(strength.value) * DRAWN_RISE * extent) / most;
     at = (i, w) => flat([...points[i], rise * w]);
     const corner = xy([44 - centre[0], height - 12 - centre[1]]);
     scene.replaceChildren(

@@ -2,7 +2,7 @@
 import { button, fill, html, icon, options, path, select, show } from "./parts.js";
 import { inView, pixelate, project } from "./pinhole.js";
 
-const PERIOD = 2400; // ms, of a period on the screen
+const PERIOD_MS = 2400; // ms, of a period on the screen
 
 // Calls the functions `draws` with the phase in rad, in each frame while it plays and is visible.
 // It starts by itself if `unasked`, unless reduced motion is preferred; in print the phase is 0.
@@ -27,7 +27,7 @@ export function createMotion(draws, unasked = true) {
   }
   function step(now, before) { // while it is wanted and visible
     const on = wanted && node.isConnected && visible.size > 0 && !print.matches;
-    if (on) put((phase + ((now - before) / PERIOD) * 360) % 360);
+    if (on) put((phase + ((now - before) / PERIOD_MS) * 360) % 360);
     frame = on ? requestAnimationFrame((next) => step(next, now)) : 0;
   }
   const follow = () => { frame ||= requestAnimationFrame((start) => step(start, start)); };
@@ -48,7 +48,7 @@ export function createMotion(draws, unasked = true) {
   return {
     node, put, redraw,
     watch: (...nodes) => [node, ...nodes].forEach((one) => observer.observe(one)), // while visible
-    at(hertz) { slowed.textContent = hertz ? `slowed ${show((hertz * PERIOD) / 1000)} times` : ""; },
+    at(hertz) { slowed.textContent = hertz ? `slowed ${show((hertz * PERIOD_MS) / 1000)} times` : ""; },
     stop() {
       play(false);
       observer.disconnect();

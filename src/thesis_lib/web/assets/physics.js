@@ -151,7 +151,7 @@ export function percentErrors(measured, reference) {
 }
 
 // --- one setting of cameras, with angles in degrees and distances in mm, as users give them
-export const MOST_CAMERAS = 24;
+export const MAX_CAMERAS = 24;
 
 // The n-th pseudorandom number in [0, 1), the same on every visit (mulberry32).
 export function randomNumber(n) {
@@ -162,7 +162,7 @@ export function randomNumber(n) {
 }
 // Shifts of pixel grids in ±½ px, by draw, camera and axis: results change smoothly with inputs.
 export const shiftsOf = (draw, cameras, offset) => Float64Array.from({ length: 2 * cameras },
-  (_, i) => randomNumber(draw * 2 * MOST_CAMERAS + i + 1) - 0.5 + offset);
+  (_, i) => randomNumber(draw * 2 * MAX_CAMERAS + i + 1) - 0.5 + offset);
 
 // The largest distance between two images of a marker in a camera, in px.
 function largestMotion(before, after, count) {

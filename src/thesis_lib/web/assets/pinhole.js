@@ -39,8 +39,8 @@ export function project(P, points, shifts = null) {
   return uv;
 }
 
-const WHOLE = 1.5 * 2 ** 52; // near it a double has no fraction
-export const rint = (value) => value + WHOLE - WHOLE; // halves to even, like numpy.rint
+const ROUNDING_SHIFT = 1.5 * 2 ** 52; // near it a double has no fraction
+export const rint = (value) => value + ROUNDING_SHIFT - ROUNDING_SHIFT; // halves to even, like numpy.rint
 export function pixelate(uv) { // values within 1e-9 px of a half count as that half
   return uv.map((value) => {
     const doubled = rint(2 * value);

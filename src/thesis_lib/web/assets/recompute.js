@@ -1,14 +1,14 @@
 // A request of chapter 3 or 4, computed in the page: settings, as in facts/setups.py, refusals of
 // values out of bounds, with the text of figure_sets/parametric, and the viewer's data.
 import { isNumber, show } from "./parts.js";
-import { MOST_CAMERAS, bandOf, markers, simulateSetting } from "./physics.js";
+import { MAX_CAMERAS, bandOf, markers, simulateSetting } from "./physics.js";
 import { apart, rint } from "./pinhole.js";
 import { formatGeneral, formatGiven } from "./request.js";
 
 const DRAWS = 200;
-const MOST_IMAGES = 1e6; // of markers, computed in a page at most
-const SLICE = 20; // ms of computing until the page may do other work
-const PAUSE = 500; // ms between two drawings of the bands
+const MAX_IMAGES = 1e6; // of markers, computed in a page at most
+const SLICE_MS = 20; // ms of computing until the page may do other work
+const PAUSE_MS = 500; // ms between two drawings of the bands
 
 // --- settings, by varied parameter; `facts` are the thesis's
 const pairOf = ({ azimuth_deg: azimuth, elevation_deg: elevation }) =>
@@ -85,9 +85,9 @@ function findLimit({ estimator, noise_px: noise, modes }, settings, count) { // 
   if (estimator !== "least-squares") return `the estimator ${estimator}`;
   if (noise > 0) return "noise in the images";
   const counts = settings.map((one) => one.cameras.length), most = Math.max(...counts);
-  if (most > MOST_CAMERAS) return `${most} cameras (a page takes ${MOST_CAMERAS})`;
+  if (most > MAX_CAMERAS) return `${most} cameras (a page takes ${MAX_CAMERAS})`;
   const images = counts.reduce((sum, one) => sum + one, 0) * (modes.length + 1) * count;
-  return images > MOST_IMAGES ? `${images} images of markers (a page takes ${MOST_IMAGES})` : "";
+  return images > MAX_IMAGES ? `${images} images of markers (a page takes ${MAX_IMAGES})` : "";
 }
 
 // Settings, modes with largest deflections and structure of a request; or a `problem`; or the
@@ -185,7 +185,7 @@ export function createRecompute(facts, put, looked) {
   port1.onmessage = ({ data }) => { if (data === job?.id) work(job); };
   function work(own) { // nominal runs of all settings, then trials of each, visible ones first
     const { plan: { settings, structure, shapes }, runs, left } = own;
-    const end = performance.now() + SLICE;
+    const end = performance.now() + SLICE_MS;
     while (job === own && performance.now() < end) {
       const isInSight = (i) => settings[i].case === looked(), n = left.find(isInSight) ?? left[0];
       if (runs.length < settings.length) {
@@ -205,7 +205,7 @@ export function createRecompute(facts, put, looked) {
     if (job !== own) return;
     if (own.hasMore && (!left.length || end > own.next)) { // drawing many settings is slow
       put(own.data = { ...own.data });
-      Object.assign(own, { hasMore: false, next: performance.now() + PAUSE });
+      Object.assign(own, { hasMore: false, next: performance.now() + PAUSE_MS });
     }
     if (left.length) port2.postMessage(own.id);
   }

@@ -79,7 +79,7 @@ const chart = (panel, width, across, up, xTitle, yTitle) =>
 
 // --- one marker on one pixel grid: its motion after rounding, and the law from random draws
 function buildMarker({ a, b, c, state, set, request, random }) {
-  const REST = 0.2, MOST = 3, DRAWS = 200, found = new Map(); // px, px, draws, errors drawn
+  const REST = 0.2, MAX_MOTION = 3, DRAWS = 200, found = new Map(); // px, px, draws, errors drawn
   const hundredth = (value) => Math.round(100 * value) / 100;
   const law = (motion) => Math.sqrt((motion % 1) * (1 - (motion % 1)));
   // Images at rest and moved, in whole pixels of a shifted grid, and the error of their difference.
@@ -109,16 +109,16 @@ function buildMarker({ a, b, c, state, set, request, random }) {
     event.preventDefault();
     const from = { ...state };
     if (Math.abs(x0 - x(REST + state.motion)) < 24) return ([now]) =>
-      set({ motion: clamp(hundredth(from.motion + (now - x0) / unit), [0, MOST]) });
+      set({ motion: clamp(hundredth(from.motion + (now - x0) / unit), [0, MAX_MOTION]) });
     return ([now]) => {
       const shift = from.shift - (now - x0) / unit;
       set({ shift: hundredth(shift - Math.round(shift)) });
     };
   });
   function drawGrid(width) {
-    unit = width / (MOST + 2.5);
+    unit = width / (MAX_MOTION + 2.5);
     const { motion, shift } = state, { from, to } = measured(motion, shift), middle = 74;
-    const cells = Array.from({ length: MOST + 5 }, (_, i) => i - 2 - shift);
+    const cells = Array.from({ length: MAX_MOTION + 5 }, (_, i) => i - 2 - shift);
     const isHit = (cell) => [from, to].some((one) => Math.abs(cell - one) < 1e-6);
     const arrow = (y, one, two, cls) => path(cls, `M${x(one)} ${y - 5}v10M${x(one)} ${y}H${x(two)}` +
       (two > one ? "m-7 -4l7 4l-7 4" : ""));
@@ -154,9 +154,9 @@ function buildMarker({ a, b, c, state, set, request, random }) {
   }
 
   function drawCurve(width) { // (c) rms errors of the draws compared with the law
-    const at = chart(c, width, [0, MOST], [0, 0.6], "motion δ, px", "rms error, px");
+    const at = chart(c, width, [0, MAX_MOTION], [0, 0.6], "motion δ, px", "rms error, px");
     const dot = (cls, motion, error, r) => circle(cls, at.x(motion), at.y(error), r);
-    const points = Array.from({ length: 301 }, (_, i) => (i * MOST) / 300)
+    const points = Array.from({ length: 301 }, (_, i) => (i * MAX_MOTION) / 300)
       .map((motion) => [at.x(motion), at.y(law(motion))]);
     c.canvas.append(path("tl-demo-law", lines(points)),
       ...[...found].map(([motion, errors]) => dot("tl-demo-dot", motion, rms(errors), 3)),
@@ -188,7 +188,7 @@ function buildMarker({ a, b, c, state, set, request, random }) {
 // --- two cameras and a point, in their common plane: pixels are strips; two of them give a height
 function buildPoint({ a, b, state, set, request, random }) {
   const DISTANCE = 500, FOCAL = (24 / 36) * 320, SPAN = DISTANCE / FOCAL; // mm, px, mm/px
-  const DRAWS = 400, MOST = 6; // draws, mm
+  const DRAWS = 400, MAX_DEFLECTION = 6; // draws, mm
   let shifts = [0, 0], errors = [];
   // Image coordinates of the camera on each side, in px, increase with X by `along`, with Z by `up`.
   const rows = (phi) => [-1, 1].map((side) =>
@@ -222,7 +222,7 @@ function buildPoint({ a, b, state, set, request, random }) {
   followDrag(a.canvas, ([, y0], event) => {
     event.preventDefault();
     const from = state.deflection, twentieth = (mm) => Math.round(mm * 20) / 20;
-    return ([, y]) => set({ deflection: clamp(twentieth(from + (y0 - y) / unit), [0, MOST]) });
+    return ([, y]) => set({ deflection: clamp(twentieth(from + (y0 - y) / unit), [0, MAX_DEFLECTION]) });
   });
   function drawSection(width) { // around the point, a few mm
     const { rest, moved } = measured(shifts), half = width / 2 / unit, far = half + 12;
@@ -283,7 +283,7 @@ function buildPoint({ a, b, state, set, request, random }) {
 
 // --- many cameras and a beam: errors of its markers in trials and by the law, by number of cameras
 function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidth }) {
-  const SIZE = [320, 180], MOST = 24, DRAWS = 400; // px, cameras, draws
+  const SIZE = [320, 180], MAX_COUNT = 24, DRAWS = 400; // px, cameras, draws
   const places = markers(structure)[0].map((x) => 1000 * x), focal = (24 / sensorWidth) * SIZE[0];
   let scene = null;
   function seen(count) { // constant over the draws; cameras are equally spaced, none on an
@@ -299,7 +299,7 @@ function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidt
   const drawn = () => scene.squares.map((sum) => sum / scene.draws);
   function prepare() {
     scene = { ...seen(state.cameras), draws: 0, squares: places.map(() => 0), last: null };
-    scene.curve = Array.from({ length: MOST - 1 }, (_, i) => [i + 2, rise(seen(i + 2).variance)]);
+    scene.curve = Array.from({ length: MAX_COUNT - 1 }, (_, i) => [i + 2, rise(seen(i + 2).variance)]);
   }
   function one() { // one more draw
     const { P, rest, deflected, reference, squares } = scene;
@@ -317,7 +317,7 @@ function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidt
   }
   function drawNumber(width) {
     const { curve } = scene, [, first] = curve[0];
-    const { x, y } = chart(c, width, [2, MOST], [0, 1.1 * first], "cameras",
+    const { x, y } = chart(c, width, [2, MAX_COUNT], [0, 1.1 * first], "cameras",
       "rms error over the markers, mm");
     const trail = (of) => lines(curve.map(([n, s]) => [x(n), y(of(n, s))]));
     c.canvas.append(path("tl-wire", trail((n) => (first * Math.SQRT2) / Math.sqrt(n))),

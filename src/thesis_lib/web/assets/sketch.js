@@ -6,7 +6,7 @@ import {
   orbitHemisphere, plus, times, trace, turnable,
 } from "./space.js";
 
-const LARGEST = 0.06; // drawn deflection, relative to the structure's length
+const DRAWN_DEFLECTION = 0.06; // drawn deflection, relative to the structure's length
 
 export function createSketch(panel, study) { // returns the drawing function
   const view = { azimuth: 158, elevation: 33 }, shape = path("tl-mesh");
@@ -42,7 +42,7 @@ export function createSketch(panel, study) { // returns the drawing function
     const outline = curves.map((curve) =>
       lines(curve.map(([x, y]) => flat([x, y, 0])), "Z")).join("");
     const places = mesh(), most = Math.max(...places.flat().map(([, , w]) => Math.abs(w)));
-    const rise = (unit * LARGEST * length * Math.cos(view.elevation * RAD)) / (most || 1);
+    const rise = (unit * DRAWN_DEFLECTION * length * Math.cos(view.elevation * RAD)) / (most || 1);
     bending = places.map((curve) => curve.map(([x, y, w]) => [...flat([x, y, 0]), rise * w]));
     const scene = [
       ...[...distances].map((r) => drawRing(space, r)), ...drawHemisphere(space, radius),
