@@ -37,9 +37,9 @@ tests: $(ALL)
 test-all: check book  ## all tests but those of the night, those of the rendered book included
 	$(PYTEST) -m "not nightly" --hypothesis-seed 0 --junitxml build/conformance.xml
 
-quick: $(ALL)  ## the quick tests of the rooms that you have edited since the last commit
+quick: $(ALL)  ## the quick tests of the folders that you have edited since the last commit
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not (slow or book or nightly)" \
-		$(or $(filter $(wildcard tests/*/),$(sort $(EDITED))),$(error no room is edited: make test runs all))
+		$(or $(filter $(wildcard tests/*/),$(sort $(EDITED))),$(error no folder is edited: make test runs all))
 
 test-nightly: book $(ALL)  ## what takes an hour or two: long recordings, the printed book, scatter, thousands of inputs, all notebooks
 	$(BIN)/thesis pdf || echo "no PDF: the tests that read it are skipped"

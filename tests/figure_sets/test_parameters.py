@@ -6,7 +6,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from refused import refusal
+from refused import line_of, refusal
 from scenes.changes import OWN_CHANGES, PAIR
 
 from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
@@ -14,8 +14,8 @@ from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook.new_set import parameter_cell
 from thesis_lib.planning.request import PlanRequest
-from thesis_lib.studies.fields import unit_of_field
-from thesis_lib.studies.request import describe_parameters
+from thesis_lib.studies.fields import Azimuth, unit_of_field
+from thesis_lib.studies.request import ParameterError, describe_parameters
 from thesis_lib.web.html import read_asset
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
@@ -36,6 +36,14 @@ LAW, SHAPE = "design-law", "shape-l"
 def allowed(name, field):
     row = next(row for row in describe_parameters(STUDIES[name]) if row["name"] == field)
     return f"allowed: {row['allowed']}" + (f", in {row['unit']}" if row["unit"] else "")
+
+
+def test_a_default_out_of_bounds_is_refused_where_parameters_are_listed():
+    class Own(STUDIES["beam-distance"]):
+        azimuth_deg: Azimuth = 400.0
+
+    line = "beam-distance: azimuth_deg: given 400.0, allowed: a number from -360 to 360, in °"
+    assert line_of(ParameterError, describe_parameters, Own) == line
 
 
 # Set, field, value, where in the value the fault is, what the message repeats: one of each kind.

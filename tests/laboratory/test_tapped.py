@@ -20,7 +20,7 @@ from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.recordings.board import on_surface, rows_on
 from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.studies.workers import map_in_pairs
+from thesis_lib.studies.workers import map_in_two_threads
 from thesis_lib.vision import pinhole
 
 POINT = (0.3 * BEAM.length, BEAM.width / 2)
@@ -95,7 +95,7 @@ def written(rig, folder, readout, **changes):
         path, sound = folder / f"{station.camera.name}.mkv", heard(times, index)
         write_video(path, frames, station.frame_rate, sound, SAMPLE_RATE_HZ)
 
-    map_in_pairs(one, range(len(rig.stations)))
+    map_in_two_threads(one, range(len(rig.stations)))
     write_cameras(folder / "cameras.yaml", rig.cameras)
     values = manifest_of(rig).model_dump(mode="json")
     for camera in values["cameras"]:

@@ -91,7 +91,7 @@ Values = Annotated[
 class Claim:
     """One claimed value of the thesis."""
 
-    #: Position in the thesis
+    #: Identifier, made of the position in the thesis
     id: Text
     figure_set: Text
     section: Text

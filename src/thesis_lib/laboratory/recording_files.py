@@ -17,7 +17,7 @@ from thesis_lib.laboratory.rig import REST_S, Rig, default_rig
 from thesis_lib.measure.recordings import manifest_parts, media
 from thesis_lib.measure.recordings.board import BoardSpec, Markers, MarkersSpec
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, write_manifest
-from thesis_lib.studies.workers import map_in_pairs
+from thesis_lib.studies.workers import map_in_two_threads
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import Beam, Plate, Structure
 
@@ -69,7 +69,7 @@ def write_recording(
         for k, image in enumerate(render_board_images(rig, index)):
             media.write_png(video.with_suffix("") / f"{k:02d}.png", image)
 
-    map_in_pairs(write_camera, range(len(rig.stations)))
+    map_in_two_threads(write_camera, range(len(rig.stations)))
     path = folder / "manifest.yaml"
     write_manifest(manifest_of(rig), path)
     return path
@@ -214,7 +214,7 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
                 _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
                 (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())
 
-        map_in_pairs(render_camera, range(len(rig.stations)), stop.set)
+        map_in_two_threads(render_camera, range(len(rig.stations)), stop.set)
         write_manifest(example_manifest(rig), part / "manifest.yaml")
         if folder.exists():
             folder.rmdir()

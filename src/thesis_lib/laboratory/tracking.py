@@ -30,7 +30,7 @@ from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, corner_view, darken_markers
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.studies.workers import map_in_pairs
+from thesis_lib.studies.workers import map_in_two_threads
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.polygons import Point
 from thesis_lib.vibration.structure import Structure
@@ -105,7 +105,7 @@ def track_camera(
 def track_cameras(rig: Rig) -> list[TrackedCentres]:
     """Track the markers in all cameras in parallel, with known cameras and corners."""
     views = [true_view(camera, rig.markers) for camera in rig.cameras]
-    return map_in_pairs(lambda job: track_camera(rig, *job), enumerate(views))
+    return map_in_two_threads(lambda job: track_camera(rig, *job), enumerate(views))
 
 
 def record_tracks(
@@ -118,7 +118,7 @@ def record_tracks(
     Two rigs run at a time; `look` renders a rig and tracks its markers. The dataset has ``tracks``
     of :data:`TRACK_VARIABLES`, with ``rig`` as an additional dimension.
     """
-    every = map_in_pairs(look, every_rig)
+    every = map_in_two_threads(look, every_rig)
     tracks = [[own.centres[_stored_frames(own.times, frames)] for own in found] for found in every]
     return xr.Dataset(label_values({"tracks": tracks}, TRACK_VARIABLES, ["rig"]))
 

@@ -20,7 +20,8 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts.claims import Claim, Trend, read_trends
 from thesis_lib.studies import cubes
 
-WIDENING_POINTS, WIDENING_POINTS_BELOW_10 = 1.0, 0.5  # points by which the band is widened
+# Percentage points by which the band is widened for the verdict "within scatter"
+WIDENING_POINTS, WIDENING_POINTS_BELOW_10 = 1.0, 0.5
 UNCHANGED = "no material change"  # for trends only
 VERDICTS = ("agrees", "within scatter", "differs", UNCHANGED, "undefined")
 

@@ -155,4 +155,4 @@ def track_markers(
         rig.single_threaded_opencv(),
         tqdm(total=total, unit="frame", desc="tracking", disable=None, leave=False) as bar,
     ):
-        return workers.map_in_pairs(track_camera, range(len(clocks)), stop.set)
+        return workers.map_in_two_threads(track_camera, range(len(clocks)), stop.set)

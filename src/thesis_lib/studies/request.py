@@ -34,10 +34,10 @@ class Study(fields.Fields):
 
     name: ClassVar[str]
     title: ClassVar[str]
-    subject: ClassVar[str]  # beam, plate, sound or experiment
+    subject: ClassVar[str]  # a word, such as beam, plate, sound or experiment
     section: ClassVar[str] = ""  # of the thesis, if it is about one
     folder: ClassVar[str] = ""  # its folder, if outside the library
-    study: ClassVar[str]  # varied quantity: distance, aperture, resolution, arrays, cameras
+    study: ClassVar[str]  # a word for the varied quantity, such as distance or aperture
     varied: ClassVar[str]  # name of the varied parameter
     varied_label: ClassVar[str]
     varied_parameters: ClassVar[dict[str, str]] = {}  # of cases in which it is not `varied`
@@ -142,7 +142,7 @@ def validate_values(model: type[AnyStudy], values: Mapping[str, Any]) -> AnyStud
 
 def describe_parameters(model: type[Study]) -> list[dict[str, Any]]:
     """Return one row per parameter: name, default as a JSON value, unit, allowed, meaning."""
-    defaults = model().model_dump(mode="json")
+    defaults = validate_values(model, {}).model_dump(mode="json")
     return [
         {
             "name": name,

@@ -182,7 +182,7 @@ def common_versions() -> dict[str, str]:
     return {"Python": python, **packages, "library": library_digest()[:12]}
 
 
-def map_in_pairs(
+def map_in_two_threads(
     one: Callable[[Item], Result], items: Iterable[Item], stop: Callable[[], object] = lambda: None
 ) -> list[Result]:
     """Map a function over items in two threads, and return the results in order.

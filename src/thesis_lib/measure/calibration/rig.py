@@ -26,7 +26,7 @@ from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import Manifest, image_paths
 from thesis_lib.measure.recordings.media import read_png
-from thesis_lib.studies.workers import map_in_pairs
+from thesis_lib.studies.workers import map_in_two_threads
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
 # Two homographies already determine K without skew, but leave nothing to check
@@ -312,7 +312,7 @@ def adjust_cameras(
             tick()
 
     paths = [image_paths(camera, folder) for camera in manifest.cameras]
-    corners_in = iter(map_in_pairs(read_board, [path for row in paths for path in row]))
+    corners_in = iter(map_in_two_threads(read_board, [path for row in paths for path in row]))
     lost, shots, single = [], [], []
     for k, (camera, row) in enumerate(zip(manifest.cameras, paths, strict=True)):
         found = [(path, next(corners_in)) for path in row]

@@ -185,7 +185,8 @@ def find_jump(
 ) -> tuple[float, float]:
     """Find a jump of a camera's whole image: its size, px, and time, s; 0 and NaN without one.
 
-    The time is on the first camera's clock. `fit` is that of :func:`harmonics.fit_tracks`.
+    A camera jumps when it is touched. The time is on the first camera's clock. `fit` is that of
+    :func:`harmonics.fit_tracks`.
     """
     late = harmonics.row_delays(own, fit.coefficients[0])
     fit = fit.earlier(omega, -late)  # without row correction, as `own.parts` yields centres

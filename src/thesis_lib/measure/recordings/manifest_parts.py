@@ -153,7 +153,7 @@ EXCITATION_KINDS: dict[Kind, Behaviour] = {
     "sweep": Behaviour("response", "Receptance", force="required", sweeps=True),
     "random": Behaviour("response", "Receptance", force="required", is_noise=True),
 }
-"""Behaviour by kind of excitation; no other code depends on the names of kinds."""
+"""Behaviour by kind of excitation; other code asks for behaviour, not for names of kinds."""
 
 
 def list_kinds(wanted: Callable[[Behaviour], bool]) -> str:

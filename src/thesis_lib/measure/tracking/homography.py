@@ -103,7 +103,7 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
         )
     views = [corner_view(camera, markers, np.roll(corners, turn, axis=1)) for turn in (0, 2)]
     scores = [_hole_darkness(image, view) for view in views]
-    if abs(scores[0] - scores[1]) < 0.4:
+    if abs(scores[0] - scores[1]) < MIN_HOLE_DARKNESS:
         raise TrackingError(
             f"camera {camera.name}: the hole is not seen, so the clamped end is not known; give "
             "the four corners (corners_px)"
@@ -202,6 +202,7 @@ def _hole_darkness(image: Image, view: View) -> float:
     return (white - dark) / max(white - print_, 10.0)
 
 
+MIN_HOLE_DARKNESS = 0.4  # of the hole at one end over that at the other, relative to markers
 GROUND_QUANTILE = 0.2  # the structure leaves at least this fraction of a row or column free
 ROW_BLUR_PX = 2.0  # standard deviation of the smoothing over rows: light varies little over it
 COARSE_STEP_PX = 8  # px of the frame per px of the reduced image in which ground is searched
