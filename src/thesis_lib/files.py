@@ -126,6 +126,12 @@ def library_digest() -> str:
     return digest_of(library_files())
 
 
+def stat_file(path: Path) -> tuple[int, ...]:
+    """Return inode, size and times of a file, one of which changes with its content."""
+    now = path.stat()
+    return now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns
+
+
 def digest_of(paths: Iterable[Path]) -> str:
     """Return one SHA-256 over names and contents of files; a missing file has an empty digest."""
     total = hashlib.sha256()
@@ -137,11 +143,10 @@ def digest_of(paths: Iterable[Path]) -> str:
 def sha256(path: Path) -> str:
     """Return the SHA-256 of a file; empty if there is none.
 
-    The digest is cached in this process while size, times and inode of the file are the same.
+    The digest is cached in this process while the file is the same by :func:`stat_file`.
     """
     try:
-        now = path.stat()
-        return _sha256(path, (now.st_ino, now.st_size, now.st_mtime_ns, now.st_ctime_ns))
+        return _sha256(path, stat_file(path))
     except (FileNotFoundError, NotADirectoryError):
         return ""
 

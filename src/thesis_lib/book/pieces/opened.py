@@ -17,7 +17,7 @@ from typing import Any
 import xarray as xr
 
 from thesis_lib.figure_sets import cube_file, display, registry
-from thesis_lib.files import whole_file, whole_text
+from thesis_lib.files import stat_file, whole_file, whole_text
 from thesis_lib.runs.postprocess import figure_cell, figure_metadata
 from thesis_lib.templates import escape_markdown, render
 
@@ -90,11 +90,11 @@ def select_subject(opened: Cubes, subject: str) -> list[xr.Dataset]:
 
 def read_once(path: Path) -> xr.Dataset:
     """Read a cube once for all steps of a build, and again if its file has changed."""
-    return _read_cube(path, path.stat().st_mtime_ns).copy()
+    return _read_cube(path, stat_file(path)).copy()
 
 
 @cache
-def _read_cube(path: Path, _changed: int) -> xr.Dataset:
+def _read_cube(path: Path, _as_it_is: tuple[int, ...]) -> xr.Dataset:
     return cube_file.read_cube(path)
 
 

@@ -16,6 +16,7 @@ import av
 import numpy as np
 
 from thesis_lib.arrays import Array
+from thesis_lib.files import stat_file
 from thesis_lib.measure.recordings import media_info
 from thesis_lib.measure.recordings.media_info import MediaError
 
@@ -106,8 +107,7 @@ def probe_audio(path: Path, channel: int | None = None) -> AudioTrack:
         If there is no audio track or no such channel, or if the audio is empty, damaged or gapped.
     """
     media_info.check_is_file(path)
-    now = path.stat()
-    surveys = _survey(path, (now.st_ino, now.st_size, now.st_mtime_ns))
+    surveys = _survey(path, stat_file(path))
     if not surveys:
         raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
     if channel is None:

@@ -17,6 +17,7 @@ from av.container import InputContainer
 from av.stream import Disposition
 
 from thesis_lib.arrays import Array
+from thesis_lib.files import stat_file
 
 MAX_TIMESTAMP_ROUNDING_S = 1.001e-3  # deviation from an even rate by rounding: Matroska's unit
 BIT_DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's grey levels in a 16-bit format
@@ -181,8 +182,7 @@ def probe_media(path: Path) -> VideoInfo:
     decoded.
     """
     check_is_file(path)
-    now = path.stat()
-    return _probe(path, (now.st_ino, now.st_size, now.st_mtime_ns))
+    return _probe(path, stat_file(path))
 
 
 @lru_cache(maxsize=256)
