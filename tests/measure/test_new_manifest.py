@@ -139,7 +139,7 @@ def test_where_no_hole_tells_the_ends_corners_are_asked_for(folder):
     assert str(folder / "corners.html") in line
     assert (folder / "corners.html").is_file()
     text = (folder / "manifest.yaml").read_text(encoding="utf-8")
-    assert text.count("    corners_px: null  # CHECK: ") == 2
+    assert text.count("    corners_px: null  # CHECK: the structure's corners (0, 0)") == 2
     (folder / "manifest.yaml").unlink()
     done = thesis("measure", "--new", folder)  # the thesis's beam has a hole
     assert "corners_px" not in done.out + (folder / "manifest.yaml").read_text(encoding="utf-8")
