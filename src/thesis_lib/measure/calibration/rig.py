@@ -31,7 +31,7 @@ from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
 # Two homographies already determine K without skew, but leave nothing to check
 _MIN_BOARD_IMAGES = 3
-_LEAST_TILT = np.radians(4.0)  # least angle between the two most different board poses
+_MIN_TILT_RAD = np.radians(4.0)  # least angle between the two most different board poses
 # Largest standard deviation of a focal length over its value: real boards have 0.0006 (13 or 29
 # images), a webcam 0.007, five images of a bent board 0.008.
 _MAX_FOCAL_STD = 0.05
@@ -88,10 +88,10 @@ def calibrate_camera(
     images = [uv[:, part] for uv, part in zip(every, parts, strict=True)]
     seen = [board.corners[:, part] for part in parts]
     spread = _largest_tilt(seen, images, size)
-    if spread < _LEAST_TILT:
+    if spread < _MIN_TILT_RAD:
         raise CalibrationError(
             f"{name}: the boards are parallel to within {np.degrees(spread):.1f}°, "
-            f"needs {np.degrees(_LEAST_TILT):.0f}° to determine a focal length"
+            f"needs {np.degrees(_MIN_TILT_RAD):.0f}° to determine a focal length"
         )
     objects = [X.T.astype(np.float32) for X in seen]
     pixels = [(uv - HALF_PIXEL).T.astype(np.float32) for uv in images]

@@ -21,7 +21,7 @@ from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_h
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.triangulation import image_jacobian
 
-MOST_FRAMES = 4096  # most frames of each camera in the periodogram
+MAX_PERIODOGRAM_FRAMES = 4096  # most frames of each camera in the periodogram
 LIVELY_SERIES = 24  # image coordinates of each camera that move most
 MIN_KNOWN = 0.5  # share of the frames in which a coordinate must be known
 MIN_EXPLAINED_SHARE = 0.5  # share of their variance that one frequency must explain
@@ -86,7 +86,7 @@ def sum_spectra(grid: Array, times: Array, values: Array, divisor: float = 1.0) 
 
 
 def liveliest_series(
-    recording: Recording, begin: float, end: float, most: int = MOST_FRAMES
+    recording: Recording, begin: float, end: float, most: int = MAX_PERIODOGRAM_FRAMES
 ) -> tuple[Array, Array]:
     """Return times (n,) and the image coordinates (n, series) that move most, minus their means.
 
