@@ -150,16 +150,16 @@ def tabulate_experiment(opened: Cubes) -> str:
             labels = part["label"].values
             claims = selection.claimed_errors(cube, case, 1) if case == "matched" else [None]
             claimed = [claim.stated for claim in (claims[0], claims[-1]) if claim]
-            best = labels[np.nanargmin(selection.trial_rms(part["mean_error"]).values)]
+            rms = selection.trial_rms(part["mean_error"]).values
+            best = labels[np.nanargmin(rms)]
             against = {
                 f"not monotonic, best at {best}": effect.not_monotonic,
                 "yes": effect.confident,
                 "the opposite": effect.opposite,
                 verdicts.UNCHANGED: effect.unchanged,
             }
-            medians = part["mean_error"].isel(trial=slice(1, None)).median("trial").values
-            holds = next((word for word, n in against.items() if n), "not told apart")
-            rows.append((factor.conclusion, effect, labels, medians, claimed, holds))
+            holds = next((word for word, n in against.items() if n), "undecided")
+            rows.append((factor.conclusion, effect, labels, rms, claimed, holds))
     return render(__file__, "conclusions-experiment", rows=rows)
 
 

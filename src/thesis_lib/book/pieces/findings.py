@@ -224,14 +224,21 @@ def describe_laboratory(opened: Cubes) -> str:
 def describe_sound(opened: Cubes) -> str:
     """Describe the errors of shape and sound, and the effect of turning two cameras."""
     arrays, aperture = opened["sound-arrays"], opened["sound-aperture"]
-    turned = aperture["turned_coherence"]
+    ratios = [
+        aperture["turned_coherence"].sel(mode=mode, plane=plane, drop=True)
+        for mode, plane in audible_planes(aperture)
+    ]
+    ratio = xr.concat(ratios, "audible")
+    turned = ratio.sel(turn=list(BEST_DEG))
+    by_elevation = turned.median(["audible", "turn"])
     return render(
         __file__,
         "sound-result",
         shape=_trial_median(arrays["deflection_error"]),
         field=_trial_median(arrays["plane_error"]),
-        square=float(turned.sel(turn=0).median()),
-        askew=float(turned.sel(turn=list(BEST_DEG)).median()),
+        square=float(ratio.sel(turn=0).median()),
+        turned=float(turned.median()),
+        highest=by_elevation.sortby(by_elevation)[-1],
         advice=turn_advice(aperture),
     )
 

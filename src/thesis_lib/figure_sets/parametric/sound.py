@@ -290,10 +290,11 @@ def turn_summary(cube: xr.Dataset) -> dict[str, Any]:
     """Return errors of the field over all elevations by turn, and its effect on the shape."""
     rows = []
     for mode, plane in audible_planes(cube):
-        one = cube[["turned_error", "turned_coherence"]].sel(mode=mode, plane=plane)
-        rms = np.sqrt((one**2).mean("elevation"))
-        error, coherence = rms["turned_error"], rms["turned_coherence"]
-        rows.append({"mode": mode, "plane": plane, "error": error, "coherence": coherence})
+        one = cube.sel(mode=mode, plane=plane)
+        errors = one["turned_error"], one["turned_error"] / one["turned_coherence"]
+        error, independent = (np.sqrt((each**2).mean("elevation")) for each in errors)
+        row = {"mode": mode, "plane": plane, "error": error, "coherence": error / independent}
+        rows.append(row)
     mode, plane = audible_planes(cube)[0]
     part = cube[["turned_error", "turned_share"]].sel(mode=mode, plane=plane)
     before, after = (part.sel(turn=turn) for turn in (0, BEST_DEG[0]))
