@@ -77,10 +77,12 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
         ticks = [step * 10.0**power for power in range(-5, 5) for step in (1, 3)]
         style.make_logarithmic(axes.yaxis, ticks)
         axes.set_ylim(floor / 1.5, top * (top / floor) ** (room - 1))
+        axes.set_xlim(-0.5, n_settings - 0.5)  # as bars have it
     else:
         axes.set_ylim(0, room * top)
     axes.grid(visible=False, axis="x")
-    axes.legend(once.values(), once, ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
+    look = {"fontsize": 7, "columnspacing": 1, "handlelength": 1.4}  # not wider than the panel
+    axes.legend(once.values(), once, ncols=2, loc="upper center", **look)
 
 
 def _mark_claim(axes: Axes, at: float, claim: Claim, reach: float) -> None:
@@ -137,7 +139,7 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
         spans = [np.linalg.norm(c[0] - c[1]) for c in cameras]
         arc = 0.45 * radius * _aperture_arc(part.isel(setting=int(np.argmax(spans))))
         _draw(axes, arc, **look)
-        _write(axes, 1.12 * arc[20], "α", color=red)
+        _write(axes, 1.12 * arc[10], "α", color=red)  # off the names of the axes
     else:
         text = " … ".join(dict.fromkeys(part["label"].values[[0, -1]].astype(str)))
         axes.text(0.0, 0.0, text, color=red, transform=axes.transAxes, fontsize=8)

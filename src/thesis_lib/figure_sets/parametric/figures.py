@@ -249,7 +249,7 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, bars of both planes, and on both the ideal field, best and worst error."""
     part = selection.select_settings(cube, case, mode)
-    grid = {"left": 0.073, "right": 0.909, "bottom": 0.063, "top": 0.963, "wspace": 0.58}
+    grid = {"left": 0.073, "right": 0.909, "bottom": 0.063, "top": 0.963, "wspace": 0.76}
     how: Any = {"gridspec_kw": grid | {"hspace": 0.43}, "height_ratios": (1.6, 1, 1)}
     drawing, axes = style.make_mosaic("abb;cde;fgh", (8.2, 8.0), None, **how)
     figures.setup_panel(axes["a"], cube, part)
