@@ -9,6 +9,7 @@ from collections import defaultdict
 from dataclasses import fields
 from functools import cache
 from importlib import import_module
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 from thesis_lib.ledger.entries import LEDGER_COLUMNS, Entry
 from thesis_lib.planning import planner as plan_cube
 from thesis_lib.plotting.panels import case_captions
-from thesis_lib.plotting.style import figure_svg
+from thesis_lib.plotting.style import figure_svg, find_panels
 from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.schema import Variable
 
@@ -55,7 +56,7 @@ def drawings(cube):
     return {one: drawing for one, drawing in found.items() if drawing is not None}
 
 
-# No bar where its length means nothing, and no two names that look alike.
+# No bar where its length means nothing, no two names that look alike, and no panel over another.
 
 
 def misleading(drawing):
@@ -76,6 +77,18 @@ def misleading(drawing):
                 sizes = line.get_markersize(), str(line.get_markerfacecolor()), line.get_alpha()
                 looks[(str(line.get_color()), *style, *sizes)].add(label)
         faults += [f"alike: {sorted(names)}" for names in looks.values() if len(names) > 1]
+    if drawing.get_layout_engine():
+        return faults
+    for axes in drawing.axes:  # panels stand where they were put, and a phone cuts them apart
+        legend = axes.get_legend()
+        if legend and legend.get_window_extent().width > axes.get_window_extent().width:
+            faults.append("a legend wider than its panel")
+    boxes = [
+        [float(side) for side in box.split()] for box in find_panels(drawing).split(";") if box
+    ]
+    for (x, y, w, h), (u, v, p, q) in combinations(boxes, 2):
+        if min(x + w, u + p) - max(x, u) > 0.3 and min(y + h, v + q) - max(y, v) > 0.3:
+            faults.append("panels that overlap")
     return faults
 
 

@@ -29,7 +29,14 @@ ERROR_NAMES = {
 def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw setup, errors of deflection and sound, and maps of both and of their errors."""
     part = selection.select_settings(cube, case, mode)
-    grid = {"left": 0.07, "right": 0.9, "bottom": 0.125, "top": 0.96, "wspace": 0.6, "hspace": 0.58}
+    grid = {
+        "left": 0.07,
+        "right": 0.9,
+        "bottom": 0.125,
+        "top": 0.96,
+        "wspace": 0.68,
+        "hspace": 0.58,
+    }
     how: Any = {"gridspec_kw": grid, "height_ratios": (1.3, 1, 1.1)}
     drawing, axes = style.make_mosaic("abc;def;ghi", (8.2, 6.6), None, **how)
     figures.setup_panel(axes["a"], cube, part)
