@@ -69,8 +69,8 @@ class Surface:
         size = extent / counts
         grid = np.indices(counts).reshape(2, -1)
         centres = low[:, None] + (grid + 0.5) * size[:, None]
-        near = polygons.edge_distances(corners, centres).min(axis=0) < np.hypot(*size) / 2
-        whole = centres[:, ~near & polygons.polygon_contains(corners, centres)].T
+        depths, reach = polygons.polygon_depths(corners, centres), np.hypot(*size) / 2
+        near, whole = np.abs(depths) < reach, centres[:, depths >= reach].T
         square = size[:, None] / np.sqrt(12) * UNIT_SQUARE
         parts = [(1.0, middle[:, None] + square) for middle in whole]
         parts += [_cut_cell(corners, middle, size) for middle in centres[:, near].T]
@@ -149,7 +149,7 @@ def _cut_cell(corners: Array, middle: Array, size: Array) -> tuple[float, Array]
     if share > 1 - MIN_AREA_RATIO:
         return 1.0, middle[:, None] + std * UNIT_SQUARE
     nodes = [(middle + centre)[:, None] + std * one for one in CELL_SHAPES]
-    inside = (one for one in nodes if polygons.polygon_contains(corners, one).all())
+    inside = (one for one in nodes if (polygons.polygon_depths(corners, one) > 0).all())
     return share, next(inside, nodes[-1])
 
 
@@ -173,8 +173,7 @@ class Screen:
         size = extent / (counts + 0.5)
         numbers = np.indices(counts).reshape(2, -1)
         places = low[:, None] + (numbers + 0.75) * size[:, None]
-        inside = polygons.edge_distances(corners, places).min(axis=0) > size.min() / 4
-        on = inside & polygons.polygon_contains(corners, places)
+        on = polygons.polygon_depths(corners, places) > size.min() / 4
         return cls(places[:, on], numbers[:, on], size)
 
     def power_form(

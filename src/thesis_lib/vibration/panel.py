@@ -113,12 +113,12 @@ class Panel(structure.Sheet):
         """Return whether points (2, n) in m are on the panel; its edges are part of it."""
         points = np.asarray(points, float)
         cutouts = [hole for hole in self.holes if not isinstance(hole, polygons.Circle)]
-        inside = polygons.polygon_contains(self.outline, points, cutouts)
+        depths = polygons.polygon_depths(self.outline, points, cutouts)
+        on = depths >= -ON_EDGE * max(self.extent)
         for hole in self.holes:
             if isinstance(hole, polygons.Circle):
-                inside &= np.hypot(points[0] - hole.x, points[1] - hole.y) >= hole.radius
-        sides = [polygons.edge_distances(one, points) for one in (self.outline, *cutouts)]
-        return inside | (np.concatenate(sides).min(axis=0) <= ON_EDGE * max(self.extent))
+                on &= np.hypot(points[0] - hole.x, points[1] - hole.y) >= hole.radius
+        return on
 
     def angular_frequencies(self, n_modes: int) -> Array:
         """Return the first natural frequencies in rad/s, shape (n_modes,): ω = √(λ D / m)."""

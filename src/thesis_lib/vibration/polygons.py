@@ -9,14 +9,14 @@ re-entrant corners, where bending moments are singular, are halved several times
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thesis_lib.arrays import Array, ArrayLike, IntArray, Mask
+from thesis_lib.arrays import Array, ArrayLike, IntArray
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -98,24 +98,16 @@ def polygon_moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
     return abs(whole), centre, square - centre**2
 
 
-def polygon_contains(polygon: ArrayLike, points: Array, cutouts: Sequence[ArrayLike] = ()) -> Mask:
-    """Test whether points (2, n) lie inside a polygon (corners, 2) without its cutouts.
+def polygon_depths(polygon: ArrayLike, points: Array, cutouts: Sequence[ArrayLike] = ()) -> Array:
+    """Return distances (n,) of points (2, n) from the edges of a polygon (corners, 2) with cutouts.
 
-    Points on an edge do not.
+    They are positive inside, negative outside and in cutouts.
     """
     import shapely  # takes longer than all other imports of this module
 
-    return shapely.contains_xy(shapely.Polygon(polygon, cutouts), *points)
-
-
-def edge_distances(polygon: ArrayLike, points: Array) -> Array:
-    """Return distances (edges, n) of points (2, n) from a polygon's edges (corners, 2)."""
-    start = np.asarray(polygon, float)[:, :, None]
-    along = np.roll(start, -1, axis=0) - start
-    offset = points - start
-    t = np.sum(offset * along, axis=1) / np.sum(along**2, axis=1)
-    foot = offset - np.clip(t, 0, 1)[:, None] * along
-    return np.hypot(foot[:, 0], foot[:, 1])
+    region = shapely.Polygon(polygon, cutouts)
+    sign = np.where(shapely.contains_xy(region, *points), 1, -1)
+    return sign * shapely.distance(region.boundary, shapely.points(*points))
 
 
 def polygon_edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
@@ -231,7 +223,7 @@ def triangulate_polygon(
     loops = [_cut_polygon(outline, size), *(divide_hole(hole, size) for hole in holes)]
     points = _place_points(outline, holes, size, loops)
     corners = Delaunay(points.T).simplices
-    corners = corners[polygon_contains(loops[0], points[:, corners].mean(axis=2), loops[1:])]
+    corners = corners[polygon_depths(loops[0], points[:, corners].mean(axis=2), loops[1:]) > 0]
     twice = _twice_areas(points, corners)
     real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
     corners = np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]  # all anticlockwise
@@ -280,7 +272,7 @@ def _place_points(
         rings = _ring_points(hole, len(loop), size) if isinstance(hole, Circle) else []
         for ring in rings:
             gap = np.hypot(*(ring[:, 0] - ring[:, 1]))
-            others = (other for other in holes if other is not hole)
+            others = [other for other in holes if other is not hole]
             taken.append(_keep_free(ring, outline, others, MIN_BOUNDARY_RATIO * gap))
         if rings and isinstance(hole, Circle):
             reach = np.hypot(*(rings[-1][:, 0] - [hole.x, hole.y])) + MIN_BOUNDARY_RATIO * size
@@ -293,15 +285,13 @@ def _place_points(
     return np.concatenate(taken, axis=1)
 
 
-def _keep_free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: float) -> Array:
+def _keep_free(points: Array, outline: Sequence[Point], holes: Sequence[Hole], gap: float) -> Array:
     """Return the points (2, n) in the region that are farther than `gap` from its boundaries."""
-    kept = polygon_contains(outline, points) & np.all(edge_distances(outline, points) > gap, axis=0)
-    for hole in holes:
-        if isinstance(hole, Circle):
-            kept &= np.hypot(points[0] - hole.x, points[1] - hole.y) > hole.radius + gap
-        else:
-            away = np.all(edge_distances(hole, points) > gap, axis=0)
-            kept &= ~polygon_contains(hole, points) & away
+    circles = [hole for hole in holes if isinstance(hole, Circle)]
+    cutouts = [hole for hole in holes if not isinstance(hole, Circle)]
+    kept = polygon_depths(outline, points, cutouts) > gap
+    for hole in circles:
+        kept &= np.hypot(points[0] - hole.x, points[1] - hole.y) > hole.radius + gap
     return points[:, kept]
 
 

@@ -376,8 +376,7 @@ class Radiation(Fields):
             if not (3 <= len(self.outline_mm) <= 200 and polygons.is_simple(self.outline_mm)):
                 why = "allowed: 3 to 200 corners [x, y] whose edges do not cross"
                 self._refuse("outline_mm", why)
-            near_edge = polygons.edge_distances(corners, markers).min(axis=0) < 1e-9
-            on = polygons.polygon_contains(corners, markers) | near_edge
+            on = polygons.polygon_depths(corners, markers) > -1e-9
             if not on.all():
                 x, y = 1000 * markers[:, ~on][:, 0]
                 why = f"allowed: corners around all markers, the one at ({x:g}, {y:g}) is outside"
