@@ -137,7 +137,7 @@ LEAST_SQUARES = "least-squares"
 def assurance_criterion(measured: Array, reference: Array) -> Array:
     """Return modal assurance criterion of shapes (..., markers) over the markers that are not NaN.
 
-    (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN if all markers are NaN.
+    (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN if none moves or is known.
     """
     known = np.isfinite(measured)
     m, r = np.where(known, measured, 0), np.where(known, reference, 0)
@@ -200,11 +200,3 @@ def percent_errors(measured: Array, reference: Array) -> tuple[Array, Array, Arr
     scale = 100 / np.max(np.abs(reference), axis=-1)
     point = np.abs(measured - reference[:, None]) * scale[:, None, None]
     return point, np.sqrt(np.mean(point**2, axis=-1)), np.max(point, axis=-1)
-
-
-def modal_assurance(measured: Array, reference: Array) -> Array:
-    """Return modal assurance criterion |mᵀr|² / (mᵀm · rᵀr), from 0 to 1; NaN if nothing moves."""
-    cross = np.einsum("mtp,mp->mt", measured, reference)
-    norms = np.einsum("mtp,mtp->mt", measured, measured)
-    with np.errstate(invalid="ignore"):
-        return cross**2 / (norms * np.sum(reference**2, axis=-1)[:, None])

@@ -46,7 +46,7 @@ def block_results(block: workers.Block, points: Array, asked: Mapping[str, Any])
         "measured_deflection": measured.astype("float32"),
         "mean_error": mean,
         "max_point_error": largest,
-        "mac": simulation.modal_assurance(measured, reference),
+        "mac": simulation.assurance_criterion(measured, reference[:, None]),
     }
     if trials.start > 0:
         return results
