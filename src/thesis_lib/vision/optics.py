@@ -221,6 +221,8 @@ def demosaic_image(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
     those that exist; recorded values stay. Exact for linearly changing colours, except at the
     border.
     """
+    from scipy.signal import convolve2d  # late: all else needs NumPy alone
+
     raw = np.asarray(mosaic, float)
     masks = bayer_masks(raw.shape, pattern)
     result = np.empty((*raw.shape, 3))
@@ -228,16 +230,6 @@ def demosaic_image(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
         kernel = _GREEN_WEIGHTS if colour == 1 else _RED_OR_BLUE
         mask = masks[..., colour].astype(float)
         with np.errstate(invalid="ignore"):  # an image of one row lacks a colour: NaN
-            mean = _correlate(raw * mask, kernel) / _correlate(mask, kernel)
+            mean = convolve2d(raw * mask, kernel, "same") / convolve2d(mask, kernel, "same")
         result[..., colour] = np.where(masks[..., colour], raw, mean)
     return result
-
-
-def _correlate(values: Array, kernel: Array) -> Array:
-    """Return the correlation with a 3×3 kernel; zeros beyond the border."""
-    rows, columns = values.shape
-    padded = np.pad(values, 1)
-    shifted = [
-        kernel[i, j] * padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)
-    ]
-    return np.asarray(np.sum(shifted, axis=0))
