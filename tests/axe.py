@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 
 from thesis_lib.book.rendering import install_packages
-from thesis_lib.web.page import BookError
+from thesis_lib.text import FailedError
 
 ROOT = Path(__file__).parents[1]
 # What folds is opened at once; of many rows, entries and words of code that are alike, some stand
@@ -31,7 +31,7 @@ PREPARE = """() => {
 def source():
     """The checker's program, installed from ``package-lock.json`` unless it is there.
 
-    Without npm, or without a network the first time, it raises a `BookError`.
+    Without npm, or without a network the first time, it raises a `FailedError`.
     """
     parts = {"axe-core": ("LICENSE", "axe.min.js")}
     folder = install_packages(ROOT, ROOT / "build" / "axe", parts)
@@ -43,7 +43,7 @@ def absent():
     """Why there is no checker; empty if there is one."""
     try:
         source()
-    except BookError as error:
+    except FailedError as error:
         return f"no axe-core: {error}"
     return ""
 

@@ -160,9 +160,9 @@ def test_what_stands_in_the_way_is_refused_and_nothing_is_moved(part, tmp_path, 
         (out / "b").symlink_to(elsewhere)
         elsewhere.write_text("b")  # even if it holds the same
     before = sorted(out.iterdir())
-    with pytest.raises(files.OutputError):
+    with pytest.raises(files.RefusedError):
         files.put_files(part, out)
-    with pytest.raises(files.OutputError):
+    with pytest.raises(files.RefusedError):
         files.check_outputs(out, [out / "b"])
     assert sorted(out.iterdir()) == before
 
@@ -176,7 +176,7 @@ def test_a_folder_of_the_users_is_no_cache(tmp_path):
     (tmp_path / "mine" / ".staging-ended").mkdir()
     files.check_cache(tmp_path / "mine")  # a kill came before the tag
     (tmp_path / "mine" / "tracks-00.npy").write_bytes(MINE)
-    with pytest.raises(files.OutputError, match="mine"):
+    with pytest.raises(files.RefusedError, match="mine"):
         files.check_cache(tmp_path / "mine")
 
 

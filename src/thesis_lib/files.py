@@ -21,7 +21,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from thesis_lib.text import RefusedError, has_hidden, one_line, print_status
+from thesis_lib.text import FailedError, RefusedError, has_hidden, one_line, print_status
 
 _SHIPPED_FOLDER = "_project"  # the project files that a wheel contains
 STAGING_PREFIX = ".staging-"
@@ -29,10 +29,6 @@ OWNER_RECORD = ".owner.json"  # in a staging folder: the host and process that w
 LOCK_NAME = ".lock"
 _temporary: set[Path] = set()  # folders of this process
 _CACHE_VARIABLE = "THESIS_CACHE"  # replaces a cache folder that is not writable
-
-
-class InUseError(RuntimeError):
-    """A folder that another command writes to; the message is one line."""
 
 
 class NoCloneError(RefusedError):
@@ -217,13 +213,13 @@ def remove_temporary() -> None:
 
 @contextlib.contextmanager
 def lock_folder(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a folder against other commands; if one holds the lock, wait or raise InUseError."""
+    """Lock a folder against other commands; if one holds the lock, wait or raise FailedError."""
     folder.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder / LOCK_NAME, thread_local=False, is_singleton=True)
     try:
         lock.acquire(timeout=-1 if wait else 0)
     except Timeout:
-        raise InUseError(
+        raise FailedError(
             f"{folder}: another command writes there; wait until it has ended, and run the same "
             "command again"
         ) from None
@@ -245,10 +241,6 @@ _TAG_TEXT = "Signature: 8a477f597d28d172789f06886806bc55\n# A cache of thesis_li
 _REMEDY = "move it away, or write elsewhere"
 
 
-class OutputError(RefusedError):
-    """An output would replace a file of the user's; the message is one line."""
-
-
 @contextlib.contextmanager
 def name_failing_path(place: Path) -> Iterator[None]:
     """Add the file or folder to system errors that name none, such as that of a full disk."""
@@ -268,25 +260,25 @@ def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = 
 
     Raises
     ------
-    OutputError
+    RefusedError
         For the first file that is an input, or that exists and is not in the record.
     """
     record = _read_record(folder)
     given = [path.resolve() for path in inputs]
     for file in files:
         if any(map(file.resolve().is_relative_to, given)):
-            raise OutputError(f"{file}: is read by this command, allowed: another place to write")
+            raise RefusedError(f"{file}: is read by this command, allowed: another place to write")
         if os.path.lexists(file) and file.relative_to(folder).as_posix() not in record:
-            raise OutputError(f"{file}: is there already and would be overwritten; {_REMEDY}")
+            raise RefusedError(f"{file}: is there already and would be overwritten; {_REMEDY}")
 
 
 def check_file(file: Path, ending: str) -> None:
     """Refuse a user's existing file, another extension, or hidden characters in the name."""
     if file.suffix.lower() != ending:
         given = one_line(str(file) if file.name else "")
-        raise OutputError(f"given the file {given!r}, allowed: one that ends in {ending}")
+        raise RefusedError(f"given the file {given!r}, allowed: one that ends in {ending}")
     if has_hidden(file.name):
-        raise OutputError(f"given the file {file.name!r}, allowed: a visible name")
+        raise RefusedError(f"given the file {file.name!r}, allowed: a visible name")
     check_outputs(file.parent, [file])
 
 
@@ -323,7 +315,7 @@ def check_cache(folder: Path) -> None:
     # A killed command may have left the staging folder of the tag.
     begun = folder.is_dir() and all(p.name.startswith(STAGING_PREFIX) for p in folder.iterdir())
     if os.path.lexists(folder) and not begun:
-        raise OutputError(f"{folder}: is there already, and no cache of this command; {_REMEDY}")
+        raise RefusedError(f"{folder}: is there already, and no cache of this command; {_REMEDY}")
 
 
 def mark_cache(folder: Path) -> None:
@@ -342,4 +334,4 @@ def _read_record(folder: Path) -> Mapping[str, list[str]]:
         record = json.loads(path.read_text(encoding="utf-8"))["thesis_lib"]
         return {str(name): [str(digest) for digest in all_] for name, all_ in record.items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        raise OutputError(f"{path}: no record of what was written there; {_REMEDY}") from None
+        raise RefusedError(f"{path}: no record of what was written there; {_REMEDY}") from None

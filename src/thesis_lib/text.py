@@ -24,6 +24,10 @@ class RefusedError(ValueError):
     """A request that is refused, exit status 2; the message is one line for the user."""
 
 
+class FailedError(RuntimeError):
+    """Something that failed, exit status 1; the message has a line for the user per failure."""
+
+
 def has_hidden(text: str) -> bool:
     """Return whether a text has a character that a reader would not see.
 

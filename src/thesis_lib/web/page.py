@@ -36,10 +36,6 @@ _RENDERING = threading.Lock()  # mdurl fills a cache that other threads read bef
 _BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
 
 
-class BookError(RuntimeError):
-    """The book or a page could not be made; the message contains the remedy."""
-
-
 def export_notebook(notebook: Path, title: str) -> str:
     """Return an executed notebook as one self-contained HTML page.
 
