@@ -51,15 +51,15 @@ def test_every_number_has_a_value():
 )
 def test_a_number_stands_for_what_is_rounded_to_it(stated, low, high):
     number = stated_numbers.PrintedNumber("n", 3, "3.1", "words", stated, "", "tip")
-    np.testing.assert_allclose([number.low, number.high], [low, high], rtol=2e-9)
-    assert number.low < number.high
+    np.testing.assert_allclose(number.ends, [low, high], rtol=2e-9)
+    assert number.ends[0] < number.ends[1]
 
 
 # -- Values, by other ways --
 
 
 def test_these_and_no_others_differ_from_what_is_printed():
-    outside = [n.id for n in NUMBERS if not n.low <= n.value <= n.high]
+    outside = [n.id for n in NUMBERS if not n.ends[0] <= n.value <= n.ends[1]]
     assert outside == DIFFERENT
 
 

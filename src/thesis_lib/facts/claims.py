@@ -253,14 +253,16 @@ class PrintedNumber:
     ]
 
     @property
-    def low(self) -> float:
-        """Return the least value that is rounded to the printed one."""
-        return _interval(self.stated)[0]
-
-    @property
-    def high(self) -> float:
-        """Return the largest value that is rounded to the printed one."""
-        return _interval(self.stated)[1]
+    def ends(self) -> tuple[float, float]:
+        """Return the least and the largest value that is rounded to the printed one."""
+        for sign in "/×":
+            first, found, second = self.stated.partition(sign)
+            if found:
+                value = int(first) / int(second) if sign == "/" else float(int(first) * int(second))
+                return value * (1 - EXACT_TOLERANCE), value * (1 + EXACT_TOLERANCE)
+        number = Decimal(self.stated)
+        half = Decimal(5).scaleb(int(number.as_tuple().exponent) - 1)
+        return float(number - half), float(number + half)
 
     @property
     def is_bookkeeping(self) -> bool:
@@ -277,17 +279,6 @@ class PrintedNumber:
 def read_numbers() -> list[PrintedNumber]:
     """Read the printed numbers, from ``data/thesis/numbers.csv``, with checks of `read_rows`."""
     return read_rows("numbers.csv", PrintedNumber)
-
-
-def _interval(text: str) -> tuple[float, float]:
-    for sign in "/×":
-        first, found, second = text.partition(sign)
-        if found:
-            value = int(first) / int(second) if sign == "/" else float(int(first) * int(second))
-            return value * (1 - EXACT_TOLERANCE), value * (1 + EXACT_TOLERANCE)
-    number = Decimal(text)
-    half = Decimal(5).scaleb(int(number.as_tuple().exponent) - 1)
-    return float(number - half), float(number + half)
 
 
 def _axes_angle(*directions: float) -> float:

@@ -240,9 +240,9 @@ def _trend(
 
 def _number(number: PrintedNumber) -> Entry:
     """Judge a stray number by its recomputed value."""
-    value = number.value
-    inside = number.low <= value <= number.high
-    middle = (number.low + number.high) / 2
+    value, (least, most) = number.value, number.ends
+    inside = least <= value <= most
+    middle = (least + most) / 2
     unit = f" {number.unit}" if number.unit else ""
     return Entry(
         id=number.id,
@@ -257,8 +257,8 @@ def _number(number: PrintedNumber) -> Entry:
         verdict="agrees" if inside else "differs",
         ratio=1.0 if inside else value / middle if middle else NAN,
         counted=not number.is_bookkeeping,
-        least=number.low,
-        most=number.high,
+        least=least,
+        most=most,
         literal=value,
     )
 
