@@ -167,7 +167,7 @@ def test_the_figure_draws_the_rms_and_is_the_same_each_time(small, tmp_path, mon
 
 
 def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
-    found = {(one.structure, one.case): one for one in conclusions.equal_pixels()}
+    found = {(one.structure, one.case): one for one in conclusions.equal_pixels().itertuples()}
     assert len(found) == 12
     for structure in ("beam", "plate"):
         cube = studies.run(validate_request(f"{structure}-arrays", {"trials": 1, "cases": ["4b"]}))

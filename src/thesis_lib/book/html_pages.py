@@ -113,11 +113,8 @@ def load_lazily(page: html.HtmlElement, folder: Path) -> None:
     for image in page.iter("img"):
         source = image.get("src", "")
         known = {} if ":" in source else measure_image(folder / unquote(source))
-        if "width" not in known or image.get("loading"):
-            continue
-        if image.get("width"):
-            known = {name: known[name] for name in known if name == "data-panels"}
-        image.attrib.update({"loading": "lazy", **known})
+        if "width" in known:
+            image.attrib.update({"loading": "lazy", **known})
 
 
 MAX_LINEAR_DECADES = 1.7  # a scale that spans more is logarithmic

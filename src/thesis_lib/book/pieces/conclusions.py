@@ -1,12 +1,13 @@
 """Tables of chapter 7: conclusions, comparison at equal pixels, results of future work."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from thesis_lib.arrays import Array
@@ -187,25 +188,16 @@ def tabulate_costs(opened: Cubes) -> str:
     return render(__file__, "conclusions-costs", rows=rows, median=np.median)
 
 
-class EqualPixels(NamedTuple):
-    """Errors predicted by the law of rounding at equal pixels, in %, rms over markers and modes."""
-
-    structure: str
-    case: str  #: The growing array of the thesis
-    n_cameras: int  #: Number of all cameras of the case
-    array: float  #: Error of all cameras
-    pair: float  #: Error of the best pair with as many pixels
-    ratio: float  #: Error of the pair over that of the array
-
-
-def equal_pixels() -> Iterator[EqualPixels]:
+def equal_pixels() -> pd.DataFrame:
     """Compare each growing array of chapters 3 and 4 with its best pair at equal total pixels.
 
     Arrays that grow from a poor pair do not show whether more or finer cameras measure better, as
     number and positions change together. This comparison separates them. All cameras of a case
     have N W H pixels; each of its pairs gets as many, so W is √(N/2) times as wide. The law of
-    rounding predicts both errors, with the lens and amplitude of the studies.
+    rounding predicts both errors, with the lens and amplitude of the studies: in %, rms over
+    markers and modes, of all cameras (``array``) and of the best pair.
     """
+    rows = []
     for name, make in STRUCTURES.items():
         study = camera_study(f"{name}-arrays")
         settings, points = study.settings(), mode_shapes(make(), study.peaks_m[0])
@@ -215,7 +207,9 @@ def equal_pixels() -> Iterator[EqualPixels]:
             pairs = [directions[i : i + 2] for i in range(0, n, 2)]
             array = _predict_error(whole, directions, 1, points)
             best = min(_predict_error(whole, pair, np.sqrt(n / 2), points) for pair in pairs)
-            yield EqualPixels(name, case, n, array, best, best / array)
+            rows.append((name, case, n, array, best, best / array))
+    columns = ("structure", "case", "n_cameras", "array", "pair", "ratio")
+    return pd.DataFrame(rows, columns=columns)
 
 
 def _predict_error(
@@ -240,15 +234,15 @@ def _predict_error(
 
 def tabulate_equal_pixels(_: Cubes) -> str:
     """Tabulate arrays and pairs at equal pixels."""
-    found, material = list(equal_pixels()), trends.MIN_MATERIAL_FALL
+    found, material = equal_pixels(), trends.MIN_MATERIAL_FALL
     return render(
         __file__,
         "conclusions-pixels",
-        found=found,
-        worse=[one for one in found if one.ratio > 1 + material],
-        better=sum(one.ratio < 1 - material for one in found),
+        found=found.to_dict("records"),
+        worse=found[found["ratio"] > 1 + material].to_dict("records"),
+        better=sum(found["ratio"] < 1 - material),
         material=material,
-        median=np.median([one.ratio for one in found]),
+        median=found["ratio"].median(),
     )
 
 

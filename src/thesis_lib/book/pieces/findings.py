@@ -306,7 +306,7 @@ def list_findings(opened: Cubes) -> str:
         left=left,
         average_px=average_px,
         rule=float(cone_law.cone_deflection_error(1, 1, 4, np.pi / 2)) / 2,
-        pair=np.median([one.ratio for one in conclusions.equal_pixels()]),
+        pair=conclusions.equal_pixels()["ratio"].median(),
         shape=_trial_median(arrays["deflection_error"]),
         sound=_trial_median(arrays["plane_error"]),
         trends=trends,
