@@ -15,6 +15,7 @@ from thesis_lib.plotting.selection import viewer_data
 from thesis_lib.studies import schema
 from thesis_lib.vibration.polygons import polygon_area
 from thesis_lib.vibration.structure import deflection_shape
+from thesis_lib.web.html import copy_plain
 
 NAMES = ("shape-l", "shape-holes")
 QUICK = {"trials": 20, "element_mm": 20.0}
@@ -68,7 +69,7 @@ def test_a_rectangle_by_finite_elements_is_measured_as_the_plate_is(conforms):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_viewer_leaves_cells_without_marker_empty(opened, name):
-    data = viewer_data(opened[name])
+    data = copy_plain(viewer_data(opened[name]))
     assert data["structure"]["kind"] == "plate"
     assert data["grid"] == [COLUMNS, ROWS]
     markers = opened[name].sizes["point"]

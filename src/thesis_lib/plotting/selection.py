@@ -234,7 +234,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     size: dict[str, Any] = {"length_mm": round(1e3 * length, 3), "width_mm": round(1e3 * width, 3)}
     if structure == "panel":
         cube = _in_cells(cube)
-        size["contours_mm"] = [_round_digits(1000 * c) for c in schema.structure_contours(cube)]
+        size["contours_mm"] = [(1000 * c).tolist() for c in schema.structure_contours(cube)]
     varied, hertz = said["varied"], cube["frequency"].values.tolist()
     modes = zip(cube["mode"].values.tolist(), hertz, strict=True)
     data: dict[str, Any] = {
@@ -309,14 +309,13 @@ def _bar(bars: Bars, index: int) -> dict[str, Any]:
     claim, (low, median, high) = bars.claims[index], bars.band[:, index]
     values = {"mean": bars.literal[index], "median": median, "low": low, "high": high}
     values["predicted"] = bars.predicted[index]
-    rounded = {name: _round_digits(value) for name, value in values.items()}
-    return {**rounded, "stated": list(claim.ends) if claim else None}
+    return values | {"stated": list(claim.ends) if claim else None}
 
 
 def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
     return {
-        "measured_mm": _round_digits(result["measured_deflection"] * 1000, DRAWN_DIGITS),
-        "point_error": _round_digits(result["point_error"], DRAWN_DIGITS),
+        "measured_mm": _round_drawn(result["measured_deflection"] * 1000),
+        "point_error": _round_drawn(result["point_error"]),
         **_bar(bars["mean_error"], index),
     }
 
@@ -327,14 +326,14 @@ def _planes(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, 
             error.name: None if np.isnan(error.literal[index]) else _bar(error, index)
             for error in bars.values()
         },
-        "deflection": {"mean": _round_digits(result["deflection_error"].isel(trial=0))},
+        "deflection": {"mean": float(result["deflection_error"].isel(trial=0))},
     }
 
 
 def _add_shapes(data: dict[str, Any], cube: xr.Dataset) -> None:
     for entry in data["modes"]:
         reference = cube["reference_deflection"].sel(mode=entry["mode"])
-        entry["reference_mm"] = _round_digits(reference * 1000)
+        entry["reference_mm"] = (reference * 1000).values.tolist()
     x, y = (np.unique(np.round(cube[axis].values * 1000, 3)) for axis in ("x", "y"))
     data["x_mm"] = x.tolist()
     if data["structure"]["kind"] == "plate":
@@ -390,9 +389,6 @@ def encode_field(field: ComplexArray) -> dict[str, Any]:
     return {"scale": float(f"{scale:.6g}"), "re": real, "im": imaginary}
 
 
-def _round_digits(values: Any, digits: int = 6) -> Any:
-    """Round numbers to some significant digits for JSON; non-finite ones become None."""
-    array = np.asarray(values, float)
-    if array.ndim == 0:
-        return float(f"{float(array):.{digits}g}") if np.isfinite(array) else None
-    return [_round_digits(value, digits) for value in array]
+def _round_drawn(values: xr.DataArray) -> list[float]:
+    """Round numbers to :data:`DRAWN_DIGITS` significant digits."""
+    return [float(f"{value:.{DRAWN_DIGITS}g}") for value in values.values.tolist()]
