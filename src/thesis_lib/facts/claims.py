@@ -95,7 +95,7 @@ class Claim:
     id: Text
     figure_set: Text
     section: Text
-    figure: str
+    figure: Text
     panel: str
     case: str
     mode: Integer  #: Mode to which it refers

@@ -165,7 +165,6 @@ def list_entries(
 
 def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
     """Judge a claimed value by a cube in which a parameter is varied."""
-    subject, _, study = claim.figure_set.partition("-")
     check = cube if isinstance(cube, str) else verdicts.judge_claim(cube, claim)
     notes, judged = [], dict[str, Any]()
     if isinstance(check, str):
@@ -180,20 +179,19 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
     excepted = " but one" if claim.excepted else ""
     settings = ", ".join(map(SETTING_WORDS[varied].format, claim.values)) or "all settings"
     order = f", pairs {claim.pair_order}" if claim.pair_order else ""
-    number = claim.figure or setups.figure_number(subject, study, claim.case, claim.mode)
     least, most = (NAN if end is None else end for end in claim.ends)
     return Entry(
         id=claim.id,
         kind="figure",
         chapter=claim.chapter,
-        place=f"figure {number}",
+        place=f"figure {claim.figure}",
         case=claim.case,
         modes=(claim.mode,),
         what=f"{QUANTITY_WORDS[claim.quantity]}{excepted}, {settings}{order}",
         stated=claim.stated,
         note="; ".join(notes),
-        counted=subject not in RENDERED_SETS,
-        href=f"{claim.figure_set}.html#fig-{number.replace('.', '-')}",
+        counted=claim.figure_set.partition("-")[0] not in RENDERED_SETS,
+        href=f"{claim.figure_set}.html#fig-{claim.figure.replace('.', '-')}",
         command=f"thesis run {claim.figure_set}",
         least=least,
         most=most,
