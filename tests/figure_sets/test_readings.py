@@ -69,14 +69,13 @@ def test_readings_do_not_depend_on_each_other(monkeypatch):
 
 
 def test_every_reading_has_a_place_in_at_least_one_set_and_no_unknown_parameter():
-    for name, reading in READINGS.items():
+    for reading_name, reading in READINGS.items():
         taken = [compute.reading_parameters(reading, one) for one in CAMERA_STUDIES]
-        assert {key for values in taken for key in values} == set(reading.values)
+        assert {key for values in taken for key in values} == set(reading)
         for one, values in zip(CAMERA_STUDIES, taken, strict=True):
             request = validate_request(one, values)
             assert (request.digest == STUDIES[one]().digest) == (not values)
-        assert name == reading.name
-        assert bool(reading.topic) == (name != ADOPTED_READING)
+        assert bool(reading) == (reading_name != ADOPTED_READING)
 
 
 def test_log_residual_counts_what_is_stated_as_a_value_or_an_interval():

@@ -207,16 +207,10 @@ def array_settings(
 ADOPTED_READING = "adopted"
 
 
-@dataclass(frozen=True)
-class Reading:
-    """An alternative interpretation of the thesis where it is ambiguous."""
-
-    name: str  #: Short and unique
-    topic: str  #: Topic, as in ``assumptions.toml``
-    values: dict[str, Any]  #: Parameters that differ; a study uses those that it has
-
-
-READINGS = {one["name"]: Reading(**one) for one in read_toml("assumptions.toml")["interpretation"]}
+READINGS: dict[str, dict[str, Any]] = {
+    one["name"]: one["values"] for one in read_toml("assumptions.toml")["interpretation"]
+}
+"""By interpretation of the thesis: the parameters that differ; a study uses those that it has."""
 
 
 def list_assumptions() -> list[dict[str, Any]]:

@@ -308,7 +308,7 @@ def _by_interpretation(name: str, readings: xr.Dataset) -> str:
     names = readings["reading"].values.tolist()
     met = readings["reading_inside"].sum("chapter").values
     meets = readings["reading_meets"].sel(value=name).values.astype(bool)
-    changes = {at: setups.READINGS[names[at]].values.items() for at in np.flatnonzero(meets) if at}
+    changes = {at: setups.READINGS[names[at]].items() for at in np.flatnonzero(meets) if at}
     # without those whose changes include all changes of another one, and more
     others = [at for at, own in changes.items() if not any(one < own for one in changes.values())]
     if not others:

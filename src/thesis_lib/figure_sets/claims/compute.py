@@ -33,7 +33,7 @@ from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.acoustics.radiation import Medium
 from thesis_lib.arrays import Array, stack_padded
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading
+from thesis_lib.facts.setups import ADOPTED_READING, READINGS
 from thesis_lib.figure_sets.claims.figure_set import Claims
 from thesis_lib.figure_sets.cube_file import code_digest, cube_of, read_built
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -204,13 +204,13 @@ VALUE_OUTCOMES = [one for one in verdicts.VERDICTS if one != verdicts.UNCHANGED]
 READING_VARIABLES = read_variables(__file__, "readings")
 
 
-def reading_parameters(reading: Reading, figure_set: str) -> dict[str, Any]:
+def reading_parameters(reading: Mapping[str, Any], figure_set: str) -> dict[str, Any]:
     """Return the parameters of an interpretation that a figure set has."""
     fields = CAMERA_STUDIES[figure_set].model_fields
-    return {key: value for key, value in reading.values.items() if key in fields}
+    return {key: value for key, value in reading.items() if key in fields}
 
 
-def format_command(reading: Reading) -> str:
+def format_command(reading: Mapping[str, Any]) -> str:
     """Return the command that runs chapter 3 under an interpretation."""
     study = camera_study("beam-arrays", reading_parameters(reading, "beam-arrays"))
     return request.study_command(study).replace("beam-arrays", "ch3", 1)
@@ -249,7 +249,7 @@ def _sound(plate: Any, planes: Any, medium: Medium, mode: int, peak: float) -> P
 
 
 def judge_interpretation(
-    reading: Reading, seed: int, trials: int, same: dict[str, Any]
+    reading: Mapping[str, Any], seed: int, trials: int, same: dict[str, Any]
 ) -> list[verdicts.Check]:
     """Judge all claims of the simulated chapters under one interpretation.
 
@@ -279,11 +279,13 @@ def run_readings(study: Claims) -> xr.Dataset:
 
     ``variables.toml`` has the dimensions and meanings of the variables.
     """
-    chosen = [READINGS[name] for name in dict.fromkeys([ADOPTED_READING, *study.readings])]
+    chosen = list(dict.fromkeys([ADOPTED_READING, *study.readings]))
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables show it
         known: dict[str, Any] = {}
-        made = [judge_interpretation(one, study.seed, study.trials, known) for one in chosen]
+        made = [
+            judge_interpretation(READINGS[one], study.seed, study.trials, known) for one in chosen
+        ]
     simulated = [claim for claim in claims.read_claims() if claim.chapter in SIMULATED_CHAPTERS]
     by_id = [{check.claim.id: check for check in of_reading} for of_reading in made]
     table = [[of.get(claim.id) for claim in simulated] for of in by_id]  # None: it is not run
@@ -309,7 +311,7 @@ def run_readings(study: Claims) -> xr.Dataset:
         "log_residual": residual,
     }
     coords = {
-        "reading": [reading.name for reading in chosen],
+        "reading": chosen,
         "chapter": list(SIMULATED_CHAPTERS),
         "outcome": VALUE_OUTCOMES,
         "value": [claim.id for claim in simulated],
