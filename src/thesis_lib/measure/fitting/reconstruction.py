@@ -108,13 +108,10 @@ def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: i
     """Interpolate values (times, ...) at one time by a Lagrange polynomial through near frames.
 
     The error of six frames is below (ωh)⁶ 5/1024 of the amplitude for a step h: 4·10⁻⁵ at 60 frames
-    a second and 4.25 Hz. The value is NaN where one of them is missing. With ``points=1`` it is
-    that of the nearest frame.
+    a second and 4.25 Hz. The value is NaN where one of them is missing.
     """
     t, values = np.asarray(times, float), np.asarray(values, float)
     step = t[1] - t[0]
-    if points == 1:
-        return values[int(np.clip(np.rint((at - t[0]) / step), 0, len(t) - 1))]
     first = int(np.clip(np.floor((at - t[0]) / step) - points // 2 + 1, 0, len(t) - points))
     near = t[first : first + points]
     weights = [
