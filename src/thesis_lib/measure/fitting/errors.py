@@ -294,16 +294,12 @@ def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
         mean = own.coefficients[0]
         ways = reach * np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [0, 0]])
         places = np.stack([*(mean + way[:, None] for way in ways), still], axis=1)
-        found = _undistort_again(old, new, places).swapaxes(0, 1)  # one call: far faster
-        right, left, below, above, constant, resting = found
+        # All at once: one call is far faster
+        again = pinhole.undistort_pixels(new, pinhole.distort_pixels(old, places))
+        right, left, below, above, constant, resting = again.swapaxes(0, 1)
         # Harmonics are undistorted to first order about their mean.
         slopes = np.stack([right - left, below - above]) / (2 * reach)
         moved = np.einsum("inm,kim->knm", slopes, own.coefficients[1:])
         seen.append(replace(own, coefficients=np.concatenate([constant[None], moved])))
         rest.append(resting)
     return harmonics.combine_fit(list(cameras), seen, np.array(rest), markers)
-
-
-def _undistort_again(old: pinhole.Camera, new: pinhole.Camera, uv: Array) -> Array:
-    """Undistort pixels (2, ...) by the new camera that were undistorted by the old one."""
-    return pinhole.undistort_pixels(new, pinhole.distort_pixels(old, uv))
