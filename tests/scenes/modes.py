@@ -9,7 +9,7 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange.cameras import describe_reused
-from thesis_lib.measure.fitting.reconstruction import Rest, check_frame, triangulate_seen
+from thesis_lib.measure.fitting.reconstruction import check_rest
 from thesis_lib.measure.modes.shapes import Track
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest_parts import Excitation, ModeSearch
@@ -90,9 +90,7 @@ def rest(own):
     seen = [pinhole.project_points(camera, world) for camera in own.cameras]
     pairs = zip(own.cameras, seen, strict=True)
     images = np.array([pinhole.undistort_pixels(camera, uv) for camera, uv in pairs])
-    points, _ = triangulate_seen(pinhole.projection_matrices(own.cameras), images)
-    frame = check_frame(own.cameras, images, own.markers)
-    return Rest(images, frame, points, own.markers.centres, BEAM.thickness)
+    return check_rest(own.cameras, images, own.markers, BEAM.thickness)
 
 
 def recorded(folder, own, truth, seconds=3, rates=RATES, noise=0.02):

@@ -24,7 +24,7 @@ from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.rig import calibrate_camera, unify_corners
 from thesis_lib.measure.fitting import harmonics as fits
-from thesis_lib.measure.fitting.reconstruction import Rest, check_frame, fit_grid, triangulate_seen
+from thesis_lib.measure.fitting.reconstruction import Rest, check_rest, fit_grid, triangulate_seen
 from thesis_lib.measure.modes.shapes import Track
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, corner_view, darken_markers
@@ -337,8 +337,5 @@ def select_free_decay(rig: Rig, found: list[TrackedCentres]) -> tuple[list[Track
         ring = own.times > rig.motion.steady + exposure
         own_v = own.centres[ring, 1]
         tracks.append(Track(station.camera, own.times[ring], uv[ring], exposure, 0.0, own_v))
-    images = np.array(still)
-    frame = check_frame(rig.cameras, images, rig.markers)
-    points, _ = triangulate_seen(pinhole.projection_matrices(rig.cameras), images)
     thick = float(getattr(rig.motion.structure, "thickness", 0.0))
-    return tracks, Rest(images, frame, points, rig.markers.centres, thick)
+    return tracks, check_rest(rig.cameras, np.array(still), rig.markers, thick)

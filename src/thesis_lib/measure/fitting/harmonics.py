@@ -289,10 +289,8 @@ def rest_of(
     """Return the markers at rest, from their mean positions in the first `seconds`."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     still = np.array([at_rest(own, seconds) for own in recordings])
-    frame = reconstruction.check_frame(cameras, still, markers)
-    points, _ = reconstruction.triangulate_seen(pinhole.projection_matrices(cameras), still)
     thickness = manifest.structure.thickness_mm / 1000
-    return reconstruction.Rest(still, frame, points, markers.centres, thickness)
+    return reconstruction.check_rest(cameras, still, markers, thickness)
 
 
 def row_delays(own: Recording, uv: Array) -> Array:

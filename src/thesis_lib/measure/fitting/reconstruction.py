@@ -101,7 +101,7 @@ class Rest:
     frame: Frame  #: The structure's frame
     points: Array  #: Positions in the calibration's frame, m, shape (3, markers)
     places: Array  #: Nominal positions on the structure, m, shape (2, markers)
-    thickness: float = 0.0  #: Thickness of the structure, m
+    thickness: float  #: Thickness of the structure, m
 
 
 def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: int = 6) -> Array:
@@ -180,8 +180,8 @@ def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
     return np.asarray(np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2))), float)
 
 
-def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
-    """Return the structure's frame from undistorted markers at rest, (cameras, 2, markers).
+def check_rest(cameras: Sequence[Camera], rest: Array, markers: Markers, thickness: float) -> Rest:
+    """Return the markers at rest from their undistorted images, (cameras, 2, markers).
 
     Raises a ``ChainError`` if the markers are on one line, if they do not fit their nominal
     positions (naming the camera that fits worst), or if all cameras see them from behind.
@@ -198,7 +198,7 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
     most = MAX_GRID_MISFIT * float(markers.nearest.min())
     if frame.rms <= most and abs(frame.scale - 1) <= MAX_GRID_SCALE_ERROR:
         if np.any(frame.to_beam(np.array([c.centre for c in cameras]).T)[2] >= 0):
-            return frame
+            return Rest(rest, frame, points, markers.centres, thickness)
         raise ChainError(
             "every camera would be below the structure: corners_px run the wrong way round in all "
             "of them, as in a mirror; allowed: (0, 0), (length, 0), (length, width), (0, width), "
