@@ -117,12 +117,6 @@ def check_recordings(manifest: Manifest, folder: Path) -> Iterator[str]:
     yield from _check_force(manifest, folder)
 
 
-def _check_sound(path: Path, channel: int | None = None) -> Iterator[str]:
-    """Yield the problem of silent audio; a :class:`MediaError` is raised for a gap or damage."""
-    if silence := audio.probe_audio(path, channel).silence:
-        yield silence
-
-
 def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:
     """Yield the problems of a recorded force."""
     given = manifest.force
@@ -135,8 +129,8 @@ def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:
             return
         other = given.sound_channel if given.offset_s is None else None
         for channel in filter(None, (given.channel, other)):
-            for problem in _check_sound(path, channel):
-                yield f"force.file: {path}: {problem}"
+            if silence := audio.probe_audio(path, channel).silence:
+                yield f"force.file: {path}: {silence}"
     except (MediaError, force_table.ForceError, OSError) as error:
         yield f"force.file: {error}"
 
@@ -177,8 +171,8 @@ def _check_video(
         if heard and abs((info.sound_end or info.duration) - info.duration) > MAX_END_GAP_S:
             ends = f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s"
             yield f"{ends}, allowed: at most {MAX_END_GAP_S:g} s apart"
-    if heard and info.has_audio:
-        yield from _check_sound(path)
+    if heard and info.has_audio and (silence := audio.probe_audio(path).silence):
+        yield silence
 
 
 def on_one_line(points: Array, diameter: float) -> bool:
