@@ -213,10 +213,6 @@ class Force(Fields):
         """Return whether the file is a table, with the force in N."""
         return PurePath(self.file).suffix.lower() in TABLE_SUFFIXES
 
-    def place(self, usual: Array) -> Array:
-        """Return the force's point in m, shape (2,); `usual` if it is not given."""
-        return usual if self.at_mm is None else np.array(self.at_mm) / 1000
-
     @model_validator(mode="after")
     def _check(self) -> Force:
         if self.is_table and self.full_scale_n is not None:

@@ -218,7 +218,8 @@ def estimate_response(
             f"marker is lost for a while, {unknown.mean():.0%} of the time; give shorter ones, or "
             "drive so gently that no marker is taken for its neighbour"
         )
-    place = given.place(manifest.structure.force_place)
+    usual = manifest.structure.force_place
+    place = usual if given.at_mm is None else np.array(given.at_mm) / 1000
     apart = np.linalg.norm(rest.places - place[:, None], axis=0)
     parts = [np.nanstd(part) for part in np.array_split(moved, RECORDING_PARTS)]
     f, power = scipy.signal.welch(pushed, finer * rate, nperseg=min(len(pushed), 4096))
