@@ -96,22 +96,21 @@ def fit_deflection(manifest: Manifest, of: Inputs) -> tuple[xr.Dataset, xr.Datas
         for found in (of.calibration, sound):
             stored = found.drop_vars(UNSTORED_VARIABLES, errors="ignore").drop_encoding()
             data = data.merge(stored)
-        data = schema.with_origin(data, _SOURCE_TEXT)
-        data.attrs.update(_describe_inputs(manifest, of, "Deflection"))
+        data = _complete(data, manifest, of, "Deflection")
         moved = history.time_histories(data, frequency.in_step(data, of.recordings), still)
         return data, schema.with_origin(moved, data.attrs["source"])
 
 
-def _describe_inputs(manifest: Manifest, of: Inputs, what: str) -> dict[str, str]:
-    """Return attributes of a result: its title, the manifest, and notes on its inputs."""
+def _complete(data: xr.Dataset, manifest: Manifest, of: Inputs, what: str) -> xr.Dataset:
+    """Return a result with its origin and title, the manifest, and notes on its inputs."""
     kind, count = manifest.structure.kind, len(of.recordings)
-    return {
-        "title": f"{what} of a {kind}, measured with {count} cameras",
-        "parameters": manifest.model_dump_json(),
-        "notes": of.calibration.attrs["notes"],
-        "synchronisation": of.sound.attrs["synchronisation"],
-        "repeats": "\n".join(of.repeats),
-    }
+    return schema.with_origin(data, _SOURCE_TEXT).assign_attrs(
+        title=f"{what} of a {kind}, measured with {count} cameras",
+        parameters=manifest.model_dump_json(),
+        notes=of.calibration.attrs["notes"],
+        synchronisation=of.sound.attrs["synchronisation"],
+        repeats="\n".join(of.repeats),
+    )
 
 
 def _calibrate(
@@ -202,8 +201,7 @@ def measure_motion(
         return measure_modes(manifest, inputs, out, say)
     say("motion over force")
     found = estimate_response(manifest, inputs.recordings, folder)
-    data = schema.with_origin(found, _SOURCE_TEXT)
-    data.attrs.update(_describe_inputs(manifest, inputs, "Motion over a force"))
+    data = _complete(found, manifest, inputs, "Motion over a force")
     report = build.build_response(data, manifest)
     alone = manifest.excitation.behaviour.result == "response"
     with staging(out) as part:
@@ -223,8 +221,7 @@ def measure_modes(
     say("fitting the modes")
     recordings, covariance = inputs.recordings, cameras.covariance_of(inputs.calibration)
     fitted = modes_result(manifest, inputs.sound, recordings, covariance)
-    data = schema.with_origin(fitted, _SOURCE_TEXT)
-    data.attrs.update(_describe_inputs(manifest, inputs, manifest.excitation.behaviour.title))
+    data = _complete(fitted, manifest, inputs, manifest.excitation.behaviour.title)
     moved, highest = None, float(data["frequency"].max())
     if highest <= history.MAX_INTERPOLATED_RATIO * min(own.rate for own in recordings):
         shape = data["lag"].size, data.sizes["marker"]
