@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -291,6 +292,25 @@ def rest_of(
     still = np.array([at_rest(own, seconds) for own in recordings])
     thickness = manifest.structure.thickness_mm / 1000
     return reconstruction.check_rest(cameras, still, markers, thickness)
+
+
+def describe_rest(rest: reconstruction.Rest, recordings: Sequence[Recording]) -> dict[str, Any]:
+    """Return the variables of a result on the markers at rest and the cameras that film them."""
+    frame, cameras = rest.frame, [own.camera for own in recordings]
+    return {
+        "x": rest.places[0],
+        "y": rest.places[1],
+        "rest_position": frame.to_beam(rest.points),
+        "missing": [np.isnan(own.centres[:, 0]).mean(axis=0) for own in recordings],
+        "frame_rate": [own.rate for own in recordings],
+        "grid_rms": frame.rms,
+        "grid_scale": frame.scale,
+        "frame_rotation": frame.R,
+        "frame_origin": frame.origin,
+        "camera_centre": frame.to_beam(np.array([c.centre for c in cameras]).T).T,
+        "camera": [c.name for c in cameras],
+        "axis": list("xyz"),
+    }
 
 
 def row_delays(own: Recording, uv: Array) -> Array:

@@ -16,7 +16,7 @@ from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.recordings.validation import markers_of
-from thesis_lib.measure.tracking.tracks import Recording, share_lost
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables, split_complex
 from thesis_lib.vibration.motion import Component, fold_frequency, list_aliases
 from thesis_lib.vibration.structure import Beam, Plate, resonance_frequency
@@ -204,8 +204,7 @@ def shape_result(
     without, differs = errors.without_each(fit, omega, exposures, phase)
     said = {c.name: c.rate_hz for c in manifest.cameras}
     values = {
-        "x": markers.centres[0],
-        "y": markers.centres[1],
+        **harmonics.describe_rest(replace(still, points=fit.points), recordings),
         "deflection": shape,
         "standard_error": np.hypot(wide * error, scale_error(frame.scale) * shape),
         "error_of_scatter": error,
@@ -214,9 +213,7 @@ def shape_result(
         "quadrature": turned.imag,
         **split_complex("amplitude", complex_shape),
         "phase": np.degrees(np.angle(complex_shape / force)) if force else np.nan * shape,
-        "rest_position": frame.to_beam(fit.points),
         "cameras_seen": np.isfinite(fit.sigma).all(axis=1).sum(axis=0),
-        "missing": [share_lost(own) for own in recordings],
         "centre_scatter": scatter,
         "frozen": frozen.astype(int),
         "held_back": [size for _, size in softened],
@@ -233,7 +230,6 @@ def shape_result(
         "pace": paces,
         "pace_deviation": pace_errors,
         "corrected": corrected.astype(int),
-        "frame_rate": [own.rate for own in recordings],
         "frame_rate_given": [said.get(own.camera.name, np.nan) for own in recordings],
         "uneven": [_frame_jitter(own) for own in recordings],
         "lag": lags,
@@ -243,16 +239,10 @@ def shape_result(
         "rest_misfit": reconstruction.misfit_at_rest(cameras, rest),
         "harmonics": order,
         "frames": [np.diff(own.between(begin, end))[0] for own in recordings],
-        "grid_rms": frame.rms,
-        "grid_scale": frame.scale,
-        "frame_rotation": frame.R,
-        "frame_origin": frame.origin,
-        "camera_centre": frame.to_beam(np.array([c.centre for c in cameras]).T).T,
     }
     modes = candidate_modes(manifest.structure)
     beside, best = compare_modes(shape, modes)
-    names = {"camera": [c.name for c in cameras], "axis": list("xyz")}
-    names["candidate"] = [mode.name for mode in modes]
+    names = {"candidate": [mode.name for mode in modes]}
     attrs = {"most_similar": best, "sound": excitation.sound}
     data = xr.Dataset(label_values(values | beside | names, VARIABLES), attrs=attrs)
     if covariance is None:

@@ -308,26 +308,15 @@ def modes_result(
     models = result.candidate_modes(manifest.structure)
     compared = [result.compare_modes(own, models)[0] for own in shape.real]
     values: dict[str, Any] = {
-        "x": rest.places[0],
-        "y": rest.places[1],
-        "rest_position": rest.frame.to_beam(rest.points),
+        **harmonics.describe_rest(rest, recordings),
         "deflection": shape.real,
         "quadrature": shape.imag,
         "standard_error": np.hypot(found["error_of_scatter"], frame_off * np.abs(shape)),
         "window": [begin, end],
         "frames": [len(track.times) for track in seen],
-        "frame_rate": [own.rate for own in recordings],
-        "missing": [tracks.share_lost(own) for own in recordings],
-        "grid_rms": rest.frame.rms,
-        "grid_scale": rest.frame.scale,
-        "frame_rotation": rest.frame.R,
-        "frame_origin": rest.frame.origin,
-        "camera_centre": rest.frame.to_beam(np.array([o.camera.centre for o in recordings]).T).T,
         "mac": np.reshape([one["mac"] for one in compared], (len(shape), len(models))),
         "model_frequency": [model.frequency for model in models],
         "reference_deflection": [one["reference_deflection"] for one in compared],
-        "camera": [own.camera.name for own in recordings],
-        "axis": list("xyz"),
         "candidate": [model.name for model in models],
     }
     data = found.assign(label_values(values, VARIABLES))

@@ -123,8 +123,3 @@ def record_track(
 
     whole_file(path, write_centres)
     return notes, validation.find_repeats(steps, across)
-
-
-def share_lost(recording: Recording) -> Array:
-    """Return the fraction of the frames in which each marker is missing, shape (markers,)."""
-    return np.isnan(recording.centres[:, 0]).mean(axis=0)
