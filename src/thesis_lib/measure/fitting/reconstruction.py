@@ -120,13 +120,12 @@ def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: i
     return np.asarray(np.tensordot(weights, values[first : first + points], axes=1), float)
 
 
-def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) -> Array:
+def deflection_at(P: Array, frame: Frame, rest: Array, uv: Array) -> Array:
     """Compute the deflection along the normal (markers,), m, from images at rest and one instant.
 
     Both images have shape (cameras, 2, markers). A marker is triangulated at both times with the
     cameras that see it at both.
     """
-    rest, uv = np.asarray(rest, float), np.asarray(uv, float)
     both = np.isfinite(rest) & np.isfinite(uv)
     pair = np.stack([np.where(both, rest, np.nan), np.where(both, uv, np.nan)], axis=2)
     points, _ = triangulate_seen(P, pair)
@@ -135,7 +134,7 @@ def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) ->
 
 
 def measure_instant(
-    P: Array, frame: Frame, rest: ArrayLike, uv: ArrayLike, sigma: Array
+    P: Array, frame: Frame, rest: Array, uv: Array, sigma: Array
 ) -> tuple[Array, Array]:
     """Measure the deflection at one instant, with its standard uncertainty, both (markers,), m.
 
@@ -143,7 +142,6 @@ def measure_instant(
     standard deviation of the centres at the instant minus those at rest, px. Results are NaN where
     fewer than two cameras see a marker in both images.
     """
-    rest, uv = np.asarray(rest, float), np.asarray(uv, float)
     common = np.where(np.isfinite(rest) & np.isfinite(uv), sigma, np.nan)
     points, _ = triangulate_seen(P, rest)
     return deflection_at(P, frame, rest, uv), height_deviation(P, frame, points, common)
