@@ -117,14 +117,9 @@ def calibrate_camera(
 
 
 def central_corners(board: Board) -> IntArray:
-    """Return the indices of the corners of the central 5 × 7 squares, the part the thesis used.
-
-    A :class:`CalibrationError` is raised if the board has fewer corners.
-    """
+    """Return the indices of the corners of the central 5 × 7 squares, the part the thesis used."""
     nx, ny = board.shape
     mx, my = _THESIS_CORNERS
-    if nx < mx or ny < my:
-        raise CalibrationError(f"board: given {nx} by {ny} corners, needs {mx} by {my} or more")
     index = np.arange(nx * ny).reshape(ny, nx)
     left, top = (nx - mx) // 2, (ny - my) // 2
     return index[top : top + my, left : left + mx].ravel()
