@@ -17,11 +17,10 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics.figure_set import MAX_DISTANCE_RATIO, Cameras
 from thesis_lib.studies.schema import label_values, list_quantities, read_variables
 from thesis_lib.vibration.structure import Beam, world_points
-from thesis_lib.vision import optics, rounding
+from thesis_lib.vision import cone_law, optics, rounding
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 
 CURVE_POINTS = 121  # places of a curve over distance
-ROUNDED_PX = np.sqrt(1 / 6)  # rms error of a difference of two rounded coordinates, 1/12 px² each
 ASPECT_RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
 SENSOR_SIDES = ("width", "height", "diagonal")
 
@@ -171,7 +170,7 @@ def _stereo(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     return {
         "disparity": optics.stereo_disparity(z, b, f),
         "depth_error": optics.depth_error(z, b, f, study.disparity_error_px),
-        "rounding_depth_error": optics.depth_error(z, b, f, ROUNDED_PX),
+        "rounding_depth_error": optics.depth_error(z, b, f, cone_law.MOTION_PX),
         "rounded_depth_error": np.sqrt(np.mean((found - z) ** 2, axis=0)),
     }
 
