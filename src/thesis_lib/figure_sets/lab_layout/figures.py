@@ -39,7 +39,7 @@ VARIED_NAMES = {
 }
 
 
-def predict_errors(part: xr.Dataset) -> Array:
+def average_errors(part: xr.Dataset) -> Array:
     """Return the rms error over the trials, or of trial 0 if there are none, (settings,), %."""
     error = part["mean_error"].transpose("setting", "trial")
     alone = error.sizes["trial"] == 1
@@ -93,7 +93,7 @@ def select_complete(part: xr.Dataset) -> xr.Dataset:
 
 def select_known(part: xr.Dataset) -> xr.Dataset:
     """Select the settings that have an error."""
-    return part.isel(setting=np.flatnonzero(np.isfinite(predict_errors(part))))
+    return part.isel(setting=np.flatnonzero(np.isfinite(average_errors(part))))
 
 
 def select_viewable(cube: xr.Dataset) -> xr.Dataset:
@@ -102,7 +102,7 @@ def select_viewable(cube: xr.Dataset) -> xr.Dataset:
     for case, part in selection.split_cases(cube).items():
         rows = np.flatnonzero(cube["case"].values == case)
         if case == "subsets":
-            error = np.nan_to_num(predict_errors(part), nan=np.inf)
+            error = np.nan_to_num(average_errors(part), nan=np.inf)
             count = part["n_cameras"].values
             groups = [np.flatnonzero(count == n) for n in np.unique(count)]
             ends = [own[[np.argmin(error[own]), np.argmax(error[own])]] for own in groups]
@@ -156,11 +156,11 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
         label = f"5–95 % of {cubes.trials_are(part)}"
         axes.vlines(values, low, high, color=style.BLUE, linewidth=1.4, label=label)
         look: Any = {"color": style.BLUE, "markersize": 4}
-        axes.plot(values, predict_errors(part), "o", label="rms over these", **look)
+        axes.plot(values, average_errors(part), "o", label="rms over these", **look)
     look = {"markerfacecolor": "none", "color": style.HIGHLIGHT_COLOR, "markersize": 4}
     axes.plot(values, error[:, 0], "D", label="rendered run", **look)
     whole, swept = select_complete(part), part["parameter"].values[0] == "elevation_deg"
-    best = find_optimum(whole["value"].values, predict_errors(whole)) if swept else None
+    best = find_optimum(whole["value"].values, average_errors(whole)) if swept else None
     if best is not None:
         axes.axvspan(best.low, best.high, color=style.BLUE, alpha=0.08, linewidth=0)
         axes.axvline(best.at, color=style.BLUE, linewidth=0.8, linestyle=":")
@@ -194,7 +194,7 @@ def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
 
 def _draw_along(axes: Axes, part: xr.Dataset) -> None:
     known = select_known(part)
-    error = predict_errors(known)
+    error = average_errors(known)
     ends = ("best", np.argmin, style.BEST_COLOR), ("worst", np.argmax, style.WORST_COLOR)
     for word, choose, ink in ends[: len(error)]:
         one = known.isel(setting=int(choose(error)))
@@ -214,7 +214,7 @@ def plain_ticks(axis: Axis) -> None:
 
 def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     """Draw plans of the best and the worst sets of two, three and four cameras."""
-    error, count = predict_errors(part), part["n_cameras"].values
+    error, count = average_errors(part), part["n_cameras"].values
     shown = np.unique(count)[:3]
     panels = place.subplots(2, len(shown), squeeze=False)
     every = 1000 * figures.camera_centres(part.isel(setting=int(np.argmax(count))))[:, :2]
@@ -241,7 +241,7 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
 
 
 def _compare_with_law(axes: Axes, ratio: Axes, part: xr.Dataset) -> None:
-    law, error = part["predicted_error"].values, predict_errors(part)
+    law, error = part["predicted_error"].values, average_errors(part)
     literal, count = part["mean_error"].values[:, 0], part["n_cameras"].values
     axes.plot(law, literal, ".", color=PALE_GREY, markersize=3, label="rendered run")
     numbers = np.unique(count)
@@ -266,7 +266,7 @@ def _compare_with_law(axes: Axes, ratio: Axes, part: xr.Dataset) -> None:
 
 
 def _by_number(axes: Axes, part: xr.Dataset) -> None:
-    error, count = predict_errors(part), part["n_cameras"].values
+    error, count = average_errors(part), part["n_cameras"].values
     n = np.unique(count)
     axes.set_title("(d) error by the number of cameras")
     axes.plot(count, error, ".", color=PALE_GREY, markersize=4)
@@ -304,7 +304,7 @@ def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
     for case, every_setting in selection.split_cases(cube).items():
         part = select_complete(every_setting).sortby("value")
         values, errors = part["value"].values, part["mean_error"].transpose("trial", "setting")
-        best = find_optimum(values, predict_errors(part))
+        best = find_optimum(values, average_errors(part))
         drawn = [find_optimum(values, own) for own in errors.values[1:]]
         places = [own.at for own in drawn if own is not None]  # of each trial by itself
         height, spread = 0.0, np.quantile(places, [0.05, 0.95]) if places else None
@@ -330,7 +330,7 @@ def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
         return {"powers": []}
     x, labels = np.log(part["value"].values), part["label"].values
     values = {
-        f"error, rms over the {cubes.trials_are(cube)}, %": predict_errors(part),
+        f"error, rms over the {cubes.trials_are(cube)}, %": average_errors(part),
         "law, one noise for all, %": part["predicted_error"].values,
         "scatter of the centres along u, px": part["centre_scatter"].values[:, 0],
         "scatter of the centres along v, px": part["centre_scatter"].values[:, 1],
@@ -345,7 +345,7 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
         return {"numbers": None}
     part = select_known(every)
     count, law = part["n_cameras"].values, part["predicted_error"].values
-    error = predict_errors(part)
+    error = average_errors(part)
     best_pair = np.min(error[count == 2], initial=np.inf)
 
     def name_optimum(one: Any) -> tuple[str, float]:
@@ -384,7 +384,7 @@ def compare_cameras(cube: xr.Dataset) -> dict[str, Any]:
     if (part := selection.split_cases(cube).get("subsets")) is None:
         return {"shares": None}
     names_of = [frozenset(label.split("–")) for label in part["label"].values]
-    error = dict(zip(names_of, predict_errors(part).tolist(), strict=True))
+    error = dict(zip(names_of, average_errors(part).tolist(), strict=True))
     every, whole = max(error, key=len), part.isel(setting=-1)
     shares = []
     for number, name in enumerate(sorted(every)):

@@ -76,7 +76,7 @@ def widen_frozen_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, floa
     return replace(own, sigma=np.hypot(sigma, loss / spread)), threshold
 
 
-def in_plane(
+def estimate_in_plane(
     fit: Fitted,
     omega: float,
     exposures: Array,
@@ -84,7 +84,7 @@ def in_plane(
     thickness: float,
     counted: Mask | slice = slice(None),
 ) -> tuple[ComplexArray, float]:
-    """Return the in-plane motion not explained by bending, and its ratio to the expected scatter.
+    """Estimate the in-plane motion not explained by bending, and its ratio to the expected scatter.
 
     Markers are on the surface, half a thickness above the mid-plane of a structure whose normal
     turns with the slope of its deflection: they move in the plane by that slope times a length,

@@ -187,8 +187,9 @@ def shape_result(
     usual = np.nanmedian(scatter, axis=-1, keepdims=True)
     frozen = scatter < errors.MAX_FROZEN_RATIO * usual  # markers frozen by video compression
     moving = ~frozen.any(axis=0)
-    moved, more = errors.in_plane(fit, omega, exposures, markers.centres, still.thickness, moving)
-    wide = max(np.nan_to_num(more), 1.0)
+    known = fit, omega, exposures, markers.centres, still.thickness
+    moved, excess = errors.estimate_in_plane(*known, moving)
+    widening = max(np.nan_to_num(excess), 1.0)
     tone = errors.explained_share(recordings, begin, end, frequency, order)
     asked = np.nan if excitation.frequency_hz is None else excitation.frequency_hz
     if np.isfinite(asked):
@@ -206,10 +207,10 @@ def shape_result(
     values = {
         **harmonics.describe_rest(replace(still, points=fit.points), recordings),
         "deflection": shape,
-        "standard_error": np.hypot(wide * error, scale_error(frame.scale) * shape),
+        "standard_error": np.hypot(widening * error, scale_error(frame.scale) * shape),
         "error_of_scatter": error,
         "in_plane": np.sqrt(np.sum(np.abs(moved) ** 2, axis=0)),
-        "in_plane_excess": more,
+        "in_plane_excess": excess,
         "quadrature": turned.imag,
         **split_complex("amplitude", complex_shape),
         "phase": np.degrees(np.angle(complex_shape / force)) if force else np.nan * shape,

@@ -21,7 +21,7 @@ import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import harmonics, reconstruction
-from thesis_lib.measure.fitting.errors import in_plane, widen_frozen_scatter
+from thesis_lib.measure.fitting.errors import estimate_in_plane, widen_frozen_scatter
 from thesis_lib.measure.fitting.frequency import MIN_CLOCK_SIGMAS, MIN_PHASE_RAD, phase_lags
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
@@ -195,11 +195,11 @@ def estimate_shapes(
             for one, images_at in zip(seen, images, strict=True)
         ]
         fit = harmonics.Fitted(cameras, own, rest.images, rest.frame)
-        _, more = in_plane(fit, omega, still, rest.places, rest.thickness)
-        error = harmonics.amplitude_std(fit, omega, still) * max(np.nan_to_num(more), 1.0)
+        _, excess = estimate_in_plane(fit, omega, still, rest.places, rest.thickness)
+        error = harmonics.amplitude_std(fit, omega, still) * max(np.nan_to_num(excess), 1.0)
         turn, turn_error = phase_lags(fit, omega, still)
         along = harmonics.deflection_amplitude(fit, omega, still)
-        found.append(Shape(along, error, more, turn, turn_error, fit))
+        found.append(Shape(along, error, excess, turn, turn_error, fit))
     return found, [*scatter]
 
 
