@@ -264,6 +264,12 @@ WALK_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 }
 
 
+def file_name(name: str) -> str:
+    """Name a figure's file: WebP if it holds photographs, SVG otherwise."""
+    # Figures that this module draws hold photographs.
+    return f"lab-{name}.{'webp' if WALK_FIGURES[name].__module__ == __name__ else 'svg'}"
+
+
 def _encode_webp(figure: Figure) -> bytes:
     """Encode as WebP: lossless where that takes fewer bytes, else at `WEBP_QUALITY`."""
     drawn = style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
@@ -392,9 +398,9 @@ def write_all(folder: Path) -> None:
     for name, draw in WALK_FIGURES.items():
         with style.in_style():
             figure = draw(data)
-        is_image = draw.__module__ == __name__  # figures that this module draws hold photographs
+        path = folder / file_name(name)
+        is_image = path.suffix == ".webp"
         encoded = _encode_webp(figure) if is_image else style.figure_svg(figure).encode()
-        path = folder / f"lab-{name}.{'webp' if is_image else 'svg'}"
         files.whole_file(path, partial(Path.write_bytes, data=encoded))
     for name in TEXT_VALUES:
         files.whole_text(folder / f"{name}.md", fill_text(data, name))
