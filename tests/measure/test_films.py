@@ -1,16 +1,16 @@
 """Films as other cameras and programs write them: turned, covered, slowed down, cut, deep."""
 
+from fractions import Fraction
+
 import cv2
 import numpy as np
 import pytest
 from scenes.sounds import append_sony_rate, copy_tracks, turn_film, write_film
 
+from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media import pack_frames, read_frames
-from thesis_lib.measure.recordings.media_info import (
-    MediaError,
-    frame_clock,
-    probe_media,
-)
+from thesis_lib.measure.recordings.media_info import MediaError, frame_clock, probe_media
+from thesis_lib.measure.recordings.validation import clock_of, is_slowed
 
 WIDTH, HEIGHT, COUNT, RATE = 64, 48, 30, 30
 
@@ -123,14 +123,25 @@ def test_a_film_is_given_its_true_rate(tmp_path, name):
         pack_frames(source, target)
 
 
-def test_frames_that_come_unevenly_stay_so_at_another_rate(tmp_path):
-    source, times = tmp_path / "uneven.mkv", np.cumsum([0, 3, 4, 3, 5, 3, 4, 4, 3, 4]) / 100
+@pytest.mark.parametrize(
+    ("steps", "plays"),
+    [([3, 4, 3, 5, 3, 4, 4, 3, 4], 900 / 33), ([4, 4, 8, 4, 12, 4, 4, 8, 4], 25)],
+    ids=["uneven", "dropped"],
+)
+def test_frames_that_come_unevenly_stay_so_at_another_rate(tmp_path, steps, plays):
+    """The rate at which they play is that of all frames, also of those that are dropped."""
+    source, times = tmp_path / "uneven.mp4", np.cumsum([0, *steps]) / 100
     stamps = np.rint(1000 * times).astype(int).tolist()
     write_film(source, frames=[image(k) for k in range(10)], frame_rate=1000, pictures="libx264",
-               pix_fmt="gray", times=stamps)  # fmt: skip
+               pix_fmt="gray", times=stamps, tick=Fraction(1, 1000))  # fmt: skip
     pack_frames(source, tmp_path / "fast.mov", 20)
     clock = frame_clock(tmp_path / "fast.mov")
-    np.testing.assert_allclose(clock, times / times[-1] * 9 / 20, atol=2e-5)
+    np.testing.assert_allclose(clock, times * plays / 20, atol=2e-5)
+    slow = CameraFiles(name="A", video=source.name, captured_hz=20, exposure_s=0.01)
+    np.testing.assert_allclose(clock_of(slow, tmp_path), clock, atol=2e-5)
+    copy_tracks([source], tmp_path / "true.mp4", options={"movflags": "use_metadata_tags"},
+                metadata={"com.android.capture.fps": f"{plays:f}"})  # fmt: skip
+    assert not is_slowed(tmp_path / "true.mp4")
 
 
 def test_a_film_that_cannot_be_copied_is_used_as_it_is(tmp_path):

@@ -167,7 +167,7 @@ def read_frames(
         frames = media_info.decode_frames(file, media_info.video_track(file, path), path)
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
-            if (time - previous) * info.frame_rate > 1.75:
+            if (time - previous) * info.frame_rate > media_info.MIN_DROP_RATIO:
                 between = f"between {previous:.3f} s and {time:.3f} s"
                 raise MediaError(f"{path}: frame {k} is missing, {between}")
             if k >= start:
@@ -366,7 +366,7 @@ def _retime_frames(source: Path, target: Path, rate: float) -> None:
     if len(clock) == len(order):  # else some are hidden, or cannot be decoded
         stamps, unit = order, 1 / Fraction(rate).limit_denominator(1001)
         if len(clock) > 2 and np.ptp(np.diff(clock)) >= 1e-9:  # unevenly spaced
-            pace, unit = media_info.rate_of(clock, rate) / rate, TIME_UNIT_S
+            pace, unit = media_info.playback_rate(source) / rate, TIME_UNIT_S
             stamps = np.rint(clock[order] * pace / float(unit)).astype(int)
         try:
             whole_file(target, lambda part: _copy(source, part, stamps, unit))

@@ -19,6 +19,7 @@ from av.stream import Disposition
 from thesis_lib.arrays import Array
 from thesis_lib.files import stat_file
 
+MIN_DROP_RATIO = 1.75  # time between two frames over the usual one, if a frame between is missing
 MAX_TIMESTAMP_ROUNDING_S = 1.001e-3  # deviation from an even rate by rounding: Matroska's unit
 BIT_DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's grey levels in a 16-bit format
 SAMPLED_FRAMES, SAMPLED_PLACES = 16, 8  # frames per place, and places, to find the brightest pixel
@@ -325,3 +326,19 @@ def rate_of(clock: Array, nominal: float) -> float:
         return nominal
     mean = float((len(clock) - 1) / clock[-1])
     return nominal if abs(mean / nominal - 1) < 1e-12 else mean
+
+
+def playback_rate(path: Path) -> float:
+    """Return the frames per second at which a video plays, dropped frames included, in Hz.
+
+    Slow motion is scaled by this rate: dropped frames lower the mean rate, but not the interval of
+    the others. A :class:`MediaError` is raised as by :func:`frame_clock`.
+    """
+    clock = frame_clock(path)
+    steps = np.diff(clock)
+    mean = rate_of(clock, probe_media(path).frame_rate)
+    if not len(steps):
+        return mean
+    # A mean, since the median of time stamps in ms is up to half a millisecond off
+    usual = steps[steps < MIN_DROP_RATIO * np.median(steps)].mean()
+    return mean * float(np.maximum(np.rint(steps / usual), 1).mean())

@@ -63,7 +63,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         raise ManifestError(f"{folder}: {len(videos)} videos, allowed: {allowed}")
     manifest = manifests.validate_manifest(_values(folder, videos, given), str(folder))
     asked = ASKED_FIELDS
-    if not any(validation.is_slowed(probe_media(video)) for video in videos):
+    if not any(validation.is_slowed(video) for video in videos):
         asked = (*asked, "cameras.captured_hz")
     assumed = find_assumed(manifest, given, asked)
     told = [*_describe_found(manifest, folder), *passed]
@@ -96,7 +96,7 @@ def _values(folder: Path, videos: Sequence[Path], given: Mapping[str, Any]) -> d
         rate = float(f"{rate_of(media_info.frame_clock(video), info.frame_rate):.8g}")
         size = {"width_px": info.size[0], "height_px": info.size[1]}
         times: dict[str, Any] = {"frame_rate_hz": rate, "exposure_s": exposure}
-        if validation.is_slowed(info):
+        if validation.is_slowed(video):
             times["captured_hz"] = info.captured_hz
         images = _shots(folder, video.stem, [one.stem for one in videos])
         cameras.append({"name": name, "video": video.name, "board_images": images} | size | times)
@@ -168,7 +168,7 @@ def _describe_found(manifest: Manifest, folder: Path) -> Iterator[str]:
         if shots:
             found += f"; {len(shots)} board images in {shots[0].parent}"
         yield found
-        if validation.is_slowed(info):
+        if validation.is_slowed(folder / camera.video):
             rates = {"rate": camera.frame_rate_hz, "taken": info.captured_hz}
             yield template_line("slow-motion", video=camera.video, **rates)
         if not info.has_audio and manifest.excitation.sound != "none":

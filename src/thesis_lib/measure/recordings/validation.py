@@ -18,7 +18,7 @@ from thesis_lib.measure.recordings import (
     media_info,
 )
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, image_paths
-from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo
+from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.studies.fields import format_given, format_limit
 
 MIN_ALIAS_RATIO = 0.02  # least distance from multiples of half the frame rate, over that half
@@ -62,7 +62,7 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
         raise MediaError(f"{path}: ends before frame {len(clock)}, the file says {says}")
     if camera.captured_hz is None:
         return clock
-    return np.asarray(clock * (media_info.rate_of(clock, info.frame_rate) / camera.captured_hz))
+    return np.asarray(clock * (media_info.playback_rate(path) / camera.captured_hz))
 
 
 def check_excitation(manifest: Manifest) -> Iterator[str]:
@@ -135,10 +135,10 @@ def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:
         yield f"force.file: {error}"
 
 
-def is_slowed(info: VideoInfo) -> bool:
-    """Return whether a file states a capture rate that differs from its playback rate."""
-    taken = info.captured_hz
-    return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
+def is_slowed(path: Path) -> bool:
+    """Return whether a video states a capture rate that differs from its playback rate."""
+    taken = media_info.probe_media(path).captured_hz
+    return taken is not None and abs(taken / media_info.playback_rate(path) - 1) > RATE_TOLERANCE
 
 
 def _check_video(
@@ -151,8 +151,8 @@ def _check_video(
         rate = f"{info.frame_rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g}"
         yield f"{rate}, its frame_rate_hz; slow motion has the sensor's rate in captured_hz"
     yield from _check_size(info.size, camera)
-    if is_slowed(info) and camera.captured_hz is None:
-        taken, plays = f"{info.captured_hz:.6g}", f"{info.frame_rate:.6g}"
+    if camera.captured_hz is None and is_slowed(path):
+        taken, plays = f"{info.captured_hz:.6g}", f"{media_info.playback_rate(path):.6g}"
         yield (
             f"it says that it was taken at {taken} frames per second, and plays at {plays}; "
             f"allowed: captured_hz: {taken} in the manifest, or {plays} if that is its true speed"
@@ -165,7 +165,8 @@ def _check_video(
     if heard and not info.has_audio:
         yield "no audio track, allowed: one, or a steady vibration with excitation.sound: none"
     if info.duration is not None:  # slow motion took less time than it plays for
-        took = info.duration * info.frame_rate / (camera.captured_hz or info.frame_rate)
+        slow = camera.captured_hz
+        took = info.duration * (media_info.playback_rate(path) / slow if slow else 1)
         if took <= rest:
             yield f"{took:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
         if heard and abs((info.sound_end or info.duration) - info.duration) > MAX_END_GAP_S:
