@@ -197,13 +197,14 @@ def test_damage_inside_names_the_frame(tmp_path):
     refused(lambda: list(read_frames(path)), "A.mp4", "frame")
 
 
-def test_a_dropped_frame_is_named(tmp_path):
+@pytest.mark.parametrize(("name", "rate", "unit"), [("A.mkv", 60, 6e-4), ("A.mp4", 960, 1e-9)])
+def test_a_dropped_frame_is_named(tmp_path, name, rate, unit):
     times = [*range(12), *range(13, 31)]
-    path = foreign(tmp_path / "A.mkv", noise(), times=times)
-    refused(lambda: list(read_frames(path)), "A.mkv", "frame 12 is missing")
+    path = foreign(tmp_path / name, noise(), frame_rate=rate, pictures="libx264", times=times)
+    refused(lambda: list(read_frames(path)), name, "frame 12 is missing")
     # Its time is known, so that the others can be used, each at its own time stamp.
     clock = frame_clock(path)
-    np.testing.assert_allclose(clock, np.array(times) / 60, atol=6e-4)
+    np.testing.assert_allclose(clock, np.array(times) / rate, atol=unit)
     assert len(list(read_frames(path, clock=clock))) == len(times)
 
 

@@ -21,6 +21,8 @@ from thesis_lib.files import stat_file
 
 MIN_DROP_RATIO = 1.75  # time between two frames over the usual one, if a frame between is missing
 MAX_TIMESTAMP_ROUNDING_S = 1.001e-3  # deviation from an even rate by rounding: Matroska's unit
+#: The same over the frame interval, for finer units: a lost frame shifts the others by half of it
+MAX_ROUNDING_RATIO = 0.25
 BIT_DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's grey levels in a 16-bit format
 SAMPLED_FRAMES, SAMPLED_PLACES = 16, 8  # frames per place, and places, to find the brightest pixel
 #: Containers that store when a frame is decoded, but not when it is shown
@@ -308,12 +310,14 @@ def frame_clock(path: Path) -> Array:
     if not len(times):
         raise MediaError(f"{path}: no frames")
     times = np.asarray(times - times[0])
+    unit = max(float(stream.time_base or 0), MAX_ROUNDING_RATIO * times[-1] / len(times))
+    rounding = min(MAX_TIMESTAMP_ROUNDING_S, unit)
     even = np.arange(len(times)) / info.frame_rate
-    if np.abs(times - even).max() <= MAX_TIMESTAMP_ROUNDING_S:
+    if np.abs(times - even).max() <= rounding:
         return even
     slope, offset = np.polyfit(np.arange(len(times)), times, 1)
     even = np.arange(len(times)) * slope
-    if np.abs(times - even - offset).max() <= MAX_TIMESTAMP_ROUNDING_S:
+    if np.abs(times - even - offset).max() <= rounding:
         return even
     for k in np.flatnonzero(np.diff(times) <= 0):
         raise MediaError(f"{path}: frames {k} and {k + 1} have the same time stamp")
