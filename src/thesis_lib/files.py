@@ -213,7 +213,11 @@ def remove_temporary() -> None:
 
 @contextlib.contextmanager
 def lock_folder(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a folder against other commands; if one holds the lock, wait or raise FailedError."""
+    """Lock a folder against other commands; if one holds the lock, wait or raise FailedError.
+
+    The folder is created, and removed again if the command writes nothing there.
+    """
+    new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder / LOCK_NAME, thread_local=False, is_singleton=True)
     try:
@@ -229,6 +233,8 @@ def lock_folder(folder: Path, wait: bool = False) -> Iterator[None]:
         if lock.lock_counter == 1:  # a command that waits for the removed file creates a new one
             with contextlib.suppress(OSError):
                 (folder / LOCK_NAME).unlink()
+                if new:
+                    folder.rmdir()  # refused unless it is empty
         lock.release()
 
 

@@ -19,9 +19,10 @@ import pyuff
 import xarray as xr
 import yaml
 from command import Done, hears_signals, thesis
+from filelock import FileLock
 
 from thesis_lib.figure_sets import record
-from thesis_lib.files import CACHE_TAG, RECORD_NAME, STAGING_PREFIX, put_files
+from thesis_lib.files import CACHE_TAG, LOCK_NAME, RECORD_NAME, STAGING_PREFIX, put_files
 from thesis_lib.laboratory import recording_files
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig, write_example
 from thesis_lib.measure import steps as steps_module
@@ -363,6 +364,9 @@ def test_places_that_cannot_be_written_to_are_told_before_the_work(example, tmp_
     line = line_of(thesis("measure", example / "manifest.yaml", "--out", closed / "new"), 2)
     assert f"{closed} cannot be written to" in line
     assert names(closed) == []
+    with FileLock(tmp_path / LOCK_NAME):  # as another measurement has
+        line = line_of(thesis("measure", example / "manifest.yaml", "--out", tmp_path), 1)
+    assert "another command writes there" in line
 
 
 def test_a_full_disk_leaves_the_results_of_before(measured, tmp_path):

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib import __version__
-from thesis_lib.files import check_cache, check_outputs, put_files, staging
+from thesis_lib.files import check_cache, check_outputs, lock_folder, put_files, staging
 from thesis_lib.measure import steps as measuring
 from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
 from thesis_lib.measure.exchange import cameras, files, history
@@ -151,20 +151,23 @@ def measure_recordings(path: Path, out: Path, say: Say = print) -> build.Report:
         If the manifest or a file cannot be used.
     CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError, ModalError
         If the recordings do not suffice; the message names what is missing.
+    FailedError
+        If another command writes to the folder.
     """
     manifest, folder = read_manifest(path), path.parent
     read = [one.file for one in (manifest.calibration, manifest.force) if one is not None]
     read += [manifest.truth] if manifest.truth else []
-    there = chain.from_iterable(map(out.glob, OUTPUT_FILES))
-    check_outputs(out, there, [folder / name for name in read])
-    check_cache(out / STEPS_FOLDER)
-    for line in describe_assessment(assess_manifest(manifest)):
-        say(line)
-    inputs = record_tracks(manifest, folder, out / STEPS_FOLDER, say)
-    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
-        if manifest.excitation.behaviour.result == "shape":
-            return measure_shape(manifest, folder, inputs, out, say)
-        return measure_motion(manifest, folder, inputs, out, say)
+    with lock_folder(out):  # another measurement would replace tracks that this one reads
+        there = chain.from_iterable(map(out.glob, OUTPUT_FILES))
+        check_outputs(out, there, [folder / name for name in read])
+        check_cache(out / STEPS_FOLDER)
+        for line in describe_assessment(assess_manifest(manifest)):
+            say(line)
+        inputs = record_tracks(manifest, folder, out / STEPS_FOLDER, say)
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of unseen markers
+            if manifest.excitation.behaviour.result == "shape":
+                return measure_shape(manifest, folder, inputs, out, say)
+            return measure_motion(manifest, folder, inputs, out, say)
 
 
 def measure_shape(
