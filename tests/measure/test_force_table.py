@@ -45,6 +45,8 @@ WRITTEN = {
     "spaces": "time force\n   " + lines(BOTH, "   ").replace("\n", "\n   "),
     "quotes and decimal commas": '"Zeit","Kraft"\n' + lines(BOTH, ",", ",", quote='"'),
     "comments": "# made by X\n% rate, 100\ntime,force\n" + lines(BOTH),
+    "names in a comment": "# time 1 ms, force 2 kN\n# time_ms, force_kN\n"
+    + lines([1000 * TIMES, FORCES / 1000], " ", digits=7),
     "lines of header": "Device: NI 9234\nDate;12.03.2024\nRate [Hz];100\n\n"
     "Nr.;Time [s];Force [N];Acc [m/s²]\n"
     + lines([NUMBERS + 1, TIMES, FORCES, OTHERS], ";", ","),

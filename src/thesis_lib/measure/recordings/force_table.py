@@ -26,6 +26,7 @@ SAMPLED_LINES = 400  # lines from which separator, decimal mark and number of co
 MAX_UNSTATED_STEP_S = 0.03  # above this step, times without a unit may be ms or sample numbers
 EXAMPLE_TEXT = 'allowed: a time and a force in each line, as "time_s,force_N", "0.001,12.5"'
 
+COMMENT_PATTERN = re.compile(r"\s*(#|%|//|!)+\s*")
 UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
               r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
 _WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
@@ -114,14 +115,11 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
     """
     if path.stat().st_size > MAX_BYTES:
         raise ForceError(f"{path}: {path.stat().st_size} bytes, allowed: {MAX_BYTES} for a table")
-    numbered = [
-        (number, line)
-        for number, line in enumerate(_text_of(path).splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith(("#", "%", "//", "!"))
-    ]
+    filled = [pair for pair in enumerate(_text_of(path).splitlines(), 1) if pair[1].strip()]
     # Excel's line that states the separator is no header.
-    if numbered and re.fullmatch(r"\"?sep=.?\"?", numbered[0][1].strip(), re.IGNORECASE):
-        numbered = numbered[1:]
+    if filled and re.fullmatch(r"\"?sep=.?\"?", filled[0][1].strip(), re.IGNORECASE):
+        filled = filled[1:]
+    numbered = [pair for pair in filled if not COMMENT_PATTERN.match(pair[1])]
     if not numbered:
         raise _ambiguity(path, "empty")
     form, begin = _form_of(path, [line for _, line in numbered])
@@ -141,7 +139,11 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
             )
         own[: len(row)] = row[:width]
     values[:, clocks] -= values[0, clocks]  # times of day are relative to the first
-    header = [form.cells(line) for _, line in numbered[:begin]]
+    header = []
+    for _, line in filled[: filled.index(body[0])]:
+        cells = form.cells(COMMENT_PATTERN.sub("", line, count=1))
+        if not COMMENT_PATTERN.match(line) or (len(cells) >= width and _names_columns(cells)):
+            header.append(cells)
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
         raise _ambiguity(path, "its commas part columns and mark decimals")
     names, units = _header(header, width)
@@ -249,13 +251,28 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
     return names, units
 
 
+def _names_columns(cells: Sequence[str]) -> bool:
+    """Return whether one cell of a comment names a time, another a force, or their units.
+
+    Quantities, such as `step 1 ms, range 2 kN`, are no names.
+    """
+    if any(re.search(r"(?<![^\s:=])[\d.]+(?!\S)", cell) for cell in cells):
+        return False
+    names, units = _header([cells], len(cells))
+    times, forces = (
+        {k for k, name in enumerate(names) if kind in _kinds(name) or units[k].lower() in table}
+        for kind, table in SI_UNITS.items()
+    )
+    return min(len(times), len(forces), len(times | forces) - 1) > 0
+
+
 def _is_unit(text: str) -> bool:
     return any(text.lower() in table for table in (*SI_UNITS.values(), _WORDS["other_units"]))
 
 
 def _split(cell: str) -> tuple[str, str]:
     """Split a header's cell into name and unit: `Kraft [N]`, `time_ms`, `F in kN`, `t/s`."""
-    cell = cell.strip().strip("\"'")
+    cell = cell.strip(" \"',;.")
     for form in UNIT_FORMS:
         match = re.fullmatch(form, cell)
         name, unit = (part.strip() for part in match.groups()) if match else ("", "")
