@@ -128,6 +128,7 @@ REFUSED = {
     "an unknown unit of time": ("time (fortnight),force_N\n" + lines(BOTH), "allowed: s, ms, µs"),
     "one known unit of two": ("time,force\ns,oz\n" + lines(BOTH), "in oz, allowed: N, mN"),
     "a gap": ("time,force\n" + lines(BOTH).replace("0.5000,", "0.5000,NaN,"), "no number"),
+    "lost rows": (lines([np.delete(x, range(70, 73)) for x in BOTH]), "line 71: 0.04 s after"),
     "words": ("a text\nof some\nlines\n", "not a time and a force"),
     "back in time": ("time,force\n" + lines([TIMES % 1.5, FORCES]), "after the line before"),
 }

@@ -24,6 +24,9 @@ MIN_SAMPLES = 100
 MAX_BYTES = 1 << 30  # of a table
 SAMPLED_LINES = 400  # lines from which separator, decimal mark and number of columns are determined
 MAX_UNSTATED_STEP_S = 0.03  # above this step, times without a unit may be ms or sample numbers
+#: Largest step over the 90 % quantile of all: times rounded to few digits step by one or two units,
+#: one lost sample is interpolated well, and of tables sampled unevenly many steps are long
+MAX_STEP_RATIO = 2.5
 EXAMPLE_TEXT = 'allowed: a time and a force in each line, as "time_s,force_N", "0.001,12.5"'
 
 COMMENT_PATTERN = re.compile(r"\s*(#|%|//|!)+\s*")
@@ -171,12 +174,17 @@ def read_force_table(path: Path) -> tuple[Array, Array, str]:
         scaled.append(values[:, k] * factor)
         told.append(f"{kind} from column {labels[k]} in {unit or SI_NAMES[kind]}")
     times, newtons = scaled
-    for k in np.flatnonzero(np.diff(times) <= 0)[:1] + 1:
+    steps = np.diff(times)
+    for k in np.flatnonzero(steps <= 0)[:1] + 1:
         where = f"line {body[k][0]}: {times[k]:g} s"
         raise ForceError(f"{path}: {where}, allowed: after the line before")
     if len(times) < MIN_SAMPLES:
         raise ForceError(f"{path}: {len(times)} samples, allowed: {MIN_SAMPLES} or more")
-    step, stated = float(np.median(np.diff(times))), units[found["time"][0]]
+    longest = MAX_STEP_RATIO * float(np.quantile(steps, 0.9))
+    for k in np.flatnonzero(steps > longest)[:1]:
+        where = f"line {body[k + 1][0]}: {steps[k]:g} s after the line before"
+        raise ForceError(f"{path}: {where}, allowed: {longest:g} s; the force between is unknown")
+    step, stated = float(np.median(steps)), units[found["time"][0]]
     if not stated and step > MAX_UNSTATED_STEP_S:
         raise _ambiguity(path, f"its times step by {step:g} and have no unit")
     return times, newtons, ", ".join(told)
