@@ -106,6 +106,13 @@ def test_a_unit_counts_as_what_it_is(conforms, tmp_path, head, second, newton):
     conforms.closed_form(newtons, newton * np.round(FORCES, 4), rtol=1e-12)
 
 
+@pytest.mark.parametrize("separator", [";", "\t", " "])
+def test_three_decimals_are_no_thousands(conforms, tmp_path, separator):
+    rows = lines([1 + np.round(NUMBERS / 700, 3), 20 + FORCES], separator, digits=3)
+    (tmp_path / "force.csv").write_text(f"time_s{separator}force_N\n{rows}", encoding="utf-8")
+    conforms.closed_form(read_force_table(tmp_path / "force.csv")[1], 20 + FORCES, atol=6e-4)
+
+
 @pytest.mark.parametrize("step_us", [5, 20])
 def test_dates_are_as_exact_as_times_of_day(conforms, tmp_path, step_us):
     micros = 999_000 + step_us * NUMBERS  # from shortly before midnight, over it

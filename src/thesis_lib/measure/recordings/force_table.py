@@ -80,6 +80,13 @@ class _Form:
         whole = 86400.0 * days + 3600 * int(hours) + 60 * int(minutes)
         return whole + float(seconds.replace(",", "."))
 
+    def is_plain(self, lines: Sequence[str]) -> bool:
+        """Return whether each column has a decimal mark in all lines or in none, and no others."""
+        thousands, *_ = NUMBER_PATTERNS[self.decimal]
+        columns = zip(*map(self.cells, lines), strict=False)
+        marks = [{(self.decimal in cell, thousands in cell) for cell in row} for row in columns]
+        return all(found in ({(True, False)}, {(False, False)}) for found in marks)
+
     def parse(self, line: str) -> tuple[list[float | None], bool]:
         """Return the numbers of a line, None for cells without one, and whether it is data.
 
@@ -218,6 +225,8 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
     data = [k for k in range(len(end)) if all(parsed[form][k][1] for form in best)]
     numbers = {form: [parsed[form][k][0] for k in data] for form in best}
     best = [form for form in best if all(None not in row for row in numbers[form])] or best
+    if any(numbers[best[0]] != numbers[other] for other in best):
+        best = [form for form in best if form.is_plain([end[k] for k in data])] or best
     form = best[0]
     if any(numbers[form] != numbers[other] for other in best):
         marks = " or ".join(f"{one.separator!r} and {one.decimal!r}" for one in best)
