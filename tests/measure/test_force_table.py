@@ -87,8 +87,8 @@ def test_any_code_and_end_of_line_will_do(conforms, tmp_path, code, end):
 @pytest.mark.parametrize(
     ("head", "second", "newton"),
     [
-        ("time (s),load (lb)", 1.0, 4.4482216152605),
-        ("time_h,load (kg)", 3600.0, 9.80665),
+        ("time..s.,load (lb)", 1.0, 4.4482216152605),
+        ("time_h,load-kg", 3600.0, 9.80665),
         ("t [d],Kraft in daN", 86400.0, 10.0),
         ("time,force\ns,cN", 1.0, 0.01),
         ("min,kips", 60.0, 4448.2216152605),
@@ -96,6 +96,7 @@ def test_any_code_and_end_of_line_will_do(conforms, tmp_path, code, end):
         ("s,force (µN)", 1.0, 1e-6),
         ("s,force (μN)", 1.0, 1e-6),
         ("s,force (ch 1)", 1.0, 1.0),
+        ("# time (msec.),force_grams", 1e-3, 9.80665e-3),
         ("time,F_h", 1.0, 1.0),
     ],
 )
@@ -131,6 +132,7 @@ REFUSED = {
     "commas for both": ("Zeit,Kraft\n" + lines(BOTH, ",", ","), "commas"),
     "milliseconds unsaid": ("time,force\n" + lines([1000 * TIMES, FORCES]), "have no unit"),
     "volts": ("time (s),force (V)\n" + lines(BOTH), "in V, allowed: N"),
+    "counts": ("time (s),force counts\n" + lines(BOTH), "in counts, allowed: N"),
     "an unknown unit": ("time_s,force [oz]\n" + lines(BOTH), "in oz, allowed: N, mN, kN, lbf"),
     "an unknown unit of time": ("time (fortnight),force_N\n" + lines(BOTH), "allowed: s, ms, µs"),
     "one known unit of two": ("time,force\ns,oz\n" + lines(BOTH), "in oz, allowed: N, mN"),

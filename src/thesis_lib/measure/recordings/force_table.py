@@ -31,7 +31,7 @@ EXAMPLE_TEXT = 'allowed: a time and a force in each line, as "time_s,force_N", "
 
 COMMENT_PATTERN = re.compile(r"\s*(#|%|//|!)+\s*")
 UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
-              r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
+              r"(.*?)\s*[/,]\s*(\S+)$", r"(.*?)[_.-]+([^\s_.-]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
 _WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 #: Factors to s and N by unit in lower case, except MN, since "mn" are millinewtons
 SI_UNITS: dict[str, dict[str, float]] = {
@@ -251,7 +251,7 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
     names, units = [""] * width, [""] * width
     for row in [row for row in rows if 1 < len(row) <= width + 1][-4:]:
         cells = [*row[:width], *[""] * (width - len(row))]
-        alone, split = [cell.strip("[]() ") for cell in cells], [_split(cell) for cell in cells]
+        alone, split = [cell.strip("[](). ,;") for cell in cells], [_split(cell) for cell in cells]
         known = [_is_unit(one) for one in alone]
         filled = [one.lower() for one in alone if one]
         both = all(table.keys() & filled for table in SI_UNITS.values())
@@ -292,7 +292,7 @@ def _split(cell: str) -> tuple[str, str]:
     cell = cell.strip(" \"',;.")
     for form in UNIT_FORMS:
         match = re.fullmatch(form, cell)
-        name, unit = (part.strip() for part in match.groups()) if match else ("", "")
+        name, unit = (part.strip(" .") for part in match.groups()) if match else ("", "")
         direction = unit.lower() in ("h", "d") and "force" in _kinds(name)  # such as F_h
         if name and _is_unit(unit) and not direction:
             return name, unit
