@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from command import thesis
+from command import refusal, thesis
 
 from thesis_lib.measure.recordings.media import pack_frames, read_frames, write_png
 from thesis_lib.measure.recordings.media_info import frame_clock, probe_media
@@ -69,6 +69,9 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
     video.unlink()  # the same from inside the folder
     inside = thesis("convert", ".", "--rate-hz", "240", cwd=tmp_path / "left")
     assert inside.out == f"{video.resolve()}: 7 frames of 62 × 46 px\n"
+    (tmp_path / "left" / "frame9.png").unlink()
+    gap = thesis("convert", tmp_path / "left", tmp_path / "gap.mov", "--rate-hz", "240")
+    assert "frame10.png follows frame8.png" in refusal(gap)
 
 
 @pytest.mark.parametrize(

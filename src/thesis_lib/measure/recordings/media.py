@@ -296,6 +296,13 @@ def _read_images(folder: Path) -> Iterator[Image]:
     files = find_images(folder.iterdir())
     if not files:
         raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
+    numbers = [re.findall(r"\d+", file.stem)[-1:] for file in files]
+    if len(files) > 1 and all(numbers):  # frame numbers or times, which may be reset
+        steps = np.diff(np.array(numbers, float)[:, 0])
+        usual = np.median(steps)
+        for k in np.flatnonzero((usual > 0) & (steps > media_info.MIN_DROP_RATIO * usual))[:1]:
+            after = f"{files[k + 1].name} follows {files[k].name}"
+            raise MediaError(f"{folder}: {after}, allowed: numbers in equal steps, without gaps")
     sampled = map(_read_levels, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)])
     depth = media_info.depth_for(max(int(levels.max()) for levels in sampled))
     return (read_png(file, depth) for file in files)
