@@ -135,6 +135,9 @@ def test_a_pose_between_whose_pictures_a_camera_moved_is_left_out(moved):
 
 def test_cameras_without_common_shots_are_named():
     shots = as_found(observations(SIGMA))
+    late = [*shots[:3], np.roll(shots[3], 1, axis=0)]
+    with pytest.raises(CalibrationError, match=r"^D: shares 12 board images .* show one pose"):
+        unify_corners(calibrated(late), late, BOARD, two_sided=True)
     shots[3] = [uv if s < 6 else None for s, uv in enumerate(shots[3])]
     for c in range(3):
         shots[c] = [uv if s > 4 else None for s, uv in enumerate(shots[c])]

@@ -38,6 +38,7 @@ _MAX_FOCAL_STD = 0.05
 _THESIS_CORNERS = (6, 8)  # inner corners of the squares used in the thesis, Appendix D
 _MAX_FIT_TILES = 0.2  # largest rms distance between a board's poses by two cameras, in tiles
 _MIN_DISTINCT_RATIO = 2.0  # least ratio of the second-best rig's error to the best rig's
+_ORDER_QUESTION = "do the k-th images of all cameras show one pose, and is board.two_sided right?"
 _MAX_OUTLIER_SHARE = 1 / 3  # share of the shared poses above which the rig is wrong, not the poses
 # Rms residual of the joint adjustment over that of each camera alone, above which the board moved
 # between simultaneous images: 1.0 on rendered and 1.1 on photographed boards, 10 on a board held by
@@ -203,8 +204,8 @@ def unify_corners(
     if len(left_out) > _MAX_OUTLIER_SHARE * shared:
         raise CalibrationError(
             f"{len(left_out)} of {shared} poses are up to {1e3 * max(left_out.values()):.1f} mm "
-            f"off the rig of the others, allowed {1e3 * _MAX_FIT_TILES * board.tile:.1f} mm: do "
-            "the k-th images of all cameras show one pose, and is board.two_sided right?"
+            f"off the rig of the others, allowed {1e3 * _MAX_FIT_TILES * board.tile:.1f} mm: "
+            f"{_ORDER_QUESTION}"
         )
     result[:, list(left_out)] = np.nan
     return result, left_out
@@ -247,9 +248,11 @@ def _chain_cameras(names: Sequence[str], boards: Array, seen: Mask, X: Array) ->
         if (count := np.count_nonzero(shared)) > 1:
             motion = _fit_relative_motion(boards[j, shared], boards[i, shared, 0], X)
         if motion is None:
+            why = "needs 2 or more that distinguish the board's symmetries"
+            if count > 2:  # more than two that only symmetries leave ambiguous are rare
+                why = f"which fit no position of it: {_ORDER_QUESTION}"
             raise CalibrationError(
-                f"{names[j]}: shares {count} board images with {names[i]}, needs 2 or more that "
-                "distinguish the board's symmetries"
+                f"{names[j]}: shares {count} board images with {names[i]}, {why}"
             )
         rig[j] = rig[i] @ motion
     return rig
