@@ -110,8 +110,11 @@ def test_sounds_that_are_unlike_and_files_that_are_none_are_one_line(videos, tmp
     pictures = np.zeros((30, 16, 16), np.uint8)
     write_video(tmp_path / "D.mkv", pictures, 30, np.zeros(0), RATE)
     write_video(tmp_path / "F.mkv", pictures, 30, later(claps(5), 0.2, 8, seed=9), RATE)
+    (tmp_path / "link.mkv").symlink_to(videos[0])
     cases = {
         (videos[0],): (2, "two or more"),
+        (videos[0], tmp_path / "link.mkv"): (2, "a video is given twice"),
+        (videos[0], tmp_path): (2, "a folder, not a file"),
         (videos[0], tmp_path / "D.mkv"): (1, "D.mkv"),
         (videos[0], tmp_path / "F.mkv"): (1, "F: no sound in it matches that of A"),
     }

@@ -198,11 +198,12 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
     """Find by their sound when VIDEOS started and how their clocks drift; change none of them."""
     if len(videos) < 2:
         raise click.UsageError("sync: given one video, allowed: two or more of one event")
-    if len({video.absolute() for video in videos}) < len(videos):
-        raise click.UsageError("sync: a video is given twice, allowed: each once")
     for video in videos:
         if not video.is_file():
-            raise click.UsageError(f"sync: given {video}, no such file")
+            why = "a folder, not a file" if video.is_dir() else "no such file"
+            raise click.UsageError(f"sync: given {video}, {why}")
+    if len({video.resolve() for video in videos}) < len(videos):
+        raise click.UsageError("sync: a video is given twice, allowed: each once")
     from thesis_lib.measure.synchronisation.alone import write_synchronisation
 
     with name_failing_path(out):
