@@ -288,7 +288,7 @@ def dithering(cube: xr.Dataset) -> Figure:
         axes.plot(cube[name], drawn, "o", color=style.INK_COLOR, ms=2.4, label="drawn")
         axes.set(title=title, xlabel=words)
         style.make_logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
-    endless, words = np.sqrt(dither.mean_variance(0.0, shake)), "endless frames"
+    endless, words = np.sqrt(dither.mean_variance(0.0, shake)), "infinitely many frames"
     grid[1].plot(shake, endless, ":", color=style.BLUE, lw=1.4, label=words)
     grid[1].set_ylim(0.01, 0.5)
     style.make_logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
