@@ -260,7 +260,7 @@ def draw_tracks(data: xr.Dataset) -> Figure:
     axes[0].legend(ncols=4, loc="upper left", markerscale=2, columnspacing=1, handlelength=1)
     axes[1].set_title("(b) on A's clock, with each camera's harmonic fit")
     axes[2].set(xlabel="s after A's first frame", ylabel="thousandths of a px")
-    axes[2].set_title("(c) what the fit leaves")
+    axes[2].set_title("(c) residual of the fit")
     for panel in axes[:2]:
         panel.set_ylabel("v minus v at rest, px")
         panel.margins(y=0.15)
@@ -268,7 +268,7 @@ def draw_tracks(data: xr.Dataset) -> Figure:
         panel.set_xlim(begin - 0.75, end + 0.05)
         panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
     where: Any = {"ha": "left", "va": "top", "transform": axes[1].get_xaxis_transform()}
-    axes[1].text(begin + 0.02, 0.98, "steady part", color=SKETCH_INK, **where)
+    axes[1].text(begin + 0.02, 0.98, "steady state", color=SKETCH_INK, **where)
     return figure
 
 

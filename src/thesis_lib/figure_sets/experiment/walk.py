@@ -140,7 +140,7 @@ def draw_board(data: xr.Dataset) -> Figure:
     near = _enclose_places(zoomed[:, None], 1.0, 10, limits)
     _draw_photo(right, picture, near, border=style.GREEN)
     _draw_crosses(right, zoomed, style.SKY, 22)
-    left.set_title("(a) one shot of camera A")
+    left.set_title("(a) board image of camera A")
     right.set_title("(b) one corner, pixel by pixel")
     return figure
 
