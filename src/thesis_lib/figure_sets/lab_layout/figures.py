@@ -21,7 +21,7 @@ MAX_NEAR_OPTIMUM = 1.1  # ratio to the least error up to which errors count as n
 MIN_LOST = 0.0005  # share of lost or wrong markers from which a setting is listed
 CURVE_POINTS = 400  # points at which a curve is evaluated
 PALE_GREY = "#c8c8c8"
-LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", style.BLACK_COLOR)}
+LAW_CURVE = {"predicted_error": ("law, equal centre uncertainty", "_", style.BLACK_COLOR)}
 PART_CURVES = {
     "noise_error": ("scatter alone", "-", style.SKY),
     "bias_error": ("bias alone", "-", style.ORANGE),

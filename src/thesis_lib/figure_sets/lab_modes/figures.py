@@ -80,7 +80,7 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     line: Any = {"color": style.BLACK_COLOR, "linewidth": 0.8}
     misfits.axvline(float(part["frequency"]), linestyle="--", **line)
     misfits.axhline(1, **line)
-    misfits.set(xlabel="frequency in Hz", ylabel="over what noise makes", yscale="log")
+    misfits.set(xlabel="frequency in Hz", ylabel="over that by noise", yscale="log")
     misfits.set_title("(b) disagreement of the cameras at each alias")
     misfits.set_ylim(0.5, 20 * max(float(np.nanmax(part["misfit"].values)), MIN_DISAGREEMENT))
     misfits.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")
