@@ -30,7 +30,7 @@ from thesis_lib.web.html import VIEWER_CSS, join_modules, render_html, render_li
 
 LAYOUT_VIEWS = ("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0)
 NO_SCRIPT_TEXT = (
-    "This figure needs JavaScript to be turned; the ones beside it show the same cameras."
+    "This figure needs JavaScript to be turned; the ones next to it show the same cameras."
 )
 
 

@@ -95,7 +95,7 @@ def pixels(cube: xr.Dataset) -> Figure:
 def mosaic(cube: xr.Dataset) -> Figure:
     """Show a marker in colours, through the filters, interpolated, and the error."""
     drawing, axes = style.subplots(2, 2, figsize=(6.4, 4.6))
-    titles = ("(a) what is there", "(b) what the sensor records", "(c) interpolated")
+    titles = ("(a) true colours", "(b) recorded mosaic", "(c) interpolated")
     for axis, picture, title in zip(axes.flat, cube["colour_picture"].values, titles, strict=False):
         axis.imshow(np.clip(picture, 0, 1), interpolation="none")
         axis.set_title(title)

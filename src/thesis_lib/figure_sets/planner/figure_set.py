@@ -64,7 +64,7 @@ class Planner(request.Study):
     elevation_deg: Annotated[fields.Real, Field(ge=0, lt=90)] = 5.0
     """lowest elevation of a camera"""
     tilt_deg: Tilt = 75.0
-    """largest angle to a marker's normal at which it is read, where that is asked"""
+    """largest angle to a marker's normal at which it is read, where it is limited"""
     separation_mm: fields.Separation = 50.0
     target_percent: fields.Positive = 5.0
     """wanted error of the worst mode, for which the cheapest layout is sought"""
