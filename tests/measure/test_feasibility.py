@@ -377,7 +377,7 @@ def test_nothing_of_a_steady_sine_is_said_of_a_receptance():
     assert found.verdict.outcome == "response"
     said = [*assess.describe_assessment(found), *assess.describe_verdict(found)]
     lines = " ".join(joined(said))
-    assert "How exact the motion over the force will be is not predicted" in lines
+    assert "The uncertainty of the motion over the force is not predicted" in lines
     assert "not checked: errors of the motion over the force" in lines
     for words in ("harmonic fit", "smallest deflection", "steady_interval_s", "It will do"):
         assert words not in lines
@@ -394,7 +394,7 @@ def test_nothing_of_a_steady_sine_is_said_of_a_receptance():
          "view, errors and depth of field of cameras A and B: give azimuth_deg"),
         ({"excitation__frequency_hz": None},
          "frame rate, exposure, blur and movement: give excitation.frequency_hz"),
-        ({"excitation__sound": "room"}, "a clap: no field tells whether every sound track has one"),
+        ({"excitation__sound": "room"}, "a clap: no field shows whether every sound track has one"),
         ({"structure__kind": "flat"},
          'natural frequencies: give structure.kind "beam" or "plate" if it is one'),
     ],
