@@ -326,7 +326,7 @@ def _by_interpretation(name: str, readings: xr.Dataset) -> str:
     )
 
 
-KIND_WORDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
+KIND_WORDS = {"figure": "claimed values", "trend": "trends", "number": "stray numbers"}
 
 
 def format_report(found: Sequence[Entry]) -> str:

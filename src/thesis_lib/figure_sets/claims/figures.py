@@ -45,8 +45,8 @@ def chapter(cube: xr.Dataset, number: int) -> Figure:
         look: Any = {"ls": "none", "marker": shape, "ms": 4, "color": color, "elinewidth": 0.6}
         left.errorbar(stated, median, band, reach, label=f"{verdict} ({len(chosen)})", **look)
     left.set(xscale="log", yscale="log", xlim=span, ylim=span, aspect="equal")
-    left.set(xlabel="stated, %", ylabel="this book, %")
-    left.set_title("(a) stated against median and 5–95 % band")
+    left.set(xlabel="claimed, %", ylabel="this book, %")
+    left.set_title("(a) claimed against median and 5–95 % band")
     for axis in (left.xaxis, left.yaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
@@ -66,7 +66,7 @@ def chapter(cube: xr.Dataset, number: int) -> Figure:
     where: Any = {"ha": "right", "va": "top", "transform": right.transAxes, "fontsize": 8}
     right.text(0.98, 0.96, f"median ratio {2**middle:.2f}", **where)
     right.yaxis.set_major_locator(MaxNLocator(integer=True))
-    right.set(title="(b) median over stated", xlabel="ratio", ylabel="stated values")
+    right.set(title="(b) median over claimed", xlabel="ratio", ylabel="claimed values")
     return drawing
 
 
@@ -81,7 +81,7 @@ def readings(cube: xr.Dataset) -> Figure:
         left += part
     axes.axvline(left[0], color=style.BLACK_COLOR, lw=0.8, ls="--")
     axes.set_yticks(place, names, fontsize=8)
-    axes.set(xlim=(0, total), xlabel=f"stated values met, of {total}")
+    axes.set(xlim=(0, total), xlabel=f"claimed values met, of {total}")
     axes.grid(visible=False, axis="y")
     axes.legend(
         loc="upper center", bbox_to_anchor=(0.4, 1.0), ncols=3, bbox_transform=drawing.transFigure

@@ -107,7 +107,7 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
       ["their median", path("tl-median", mark(0, 9, 7, 3))],
       [predicts, path("tl-predicted", "M2 7h14")],
       errors.some((r) => r.published) && ["as published", path("tl-published", "M2 13V4h14V13Z")],
-      errors.some((r) => r.stated) && ["stated in the thesis", stated],
+      errors.some((r) => r.stated) && ["claimed in the thesis", stated],
       errors.some((r) => r.name && !isNumber(r.mean)) && [note, path("tl-band", "M4 7h10")],
       settings.some((one) => one.in_view < 1) && ["markers leave the image", grey(), hatched(box)],
     ];

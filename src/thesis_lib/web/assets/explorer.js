@@ -245,7 +245,7 @@ function render({ model, el }) {
         band: few ? "…" : bandText(bands[i]), predicted: i ? "" : percent(predicted) }),
       createRow("published", { published: percent(published[0]),
         spread: bandText(published.slice(1)), none: "" }),
-      createRow("thesis states", { stated: setup?.stated[name][app.state.m - 1] || "–" }));
+      createRow("thesis claims", { stated: setup?.stated[name][app.state.m - 1] || "–" }));
     }));
     const spread = few ? ""
       : ` (${show(bands[0][1])}–${show(bands[0][2])} % over random pixel grids)`;
@@ -254,7 +254,7 @@ function render({ model, el }) {
     const cut = [`Only ${seen} % of marker images are in view: move back or shorten the lens. `,
       html("span", {}, `Sensors large enough for all would give: m${words}.`)];
     status.replaceChildren(
-      ...(!isNumber(errors.mean) ? ["These cameras cannot tell where the markers are."]
+      ...(!isNumber(errors.mean) ? ["These cameras do not determine where the markers are."]
         : inView === 1 ? [`M${words}; all markers in view.`] : cut));
     fill(status, { "aria-busy": means.length < TRIALS });
     const counts = { "markers in view": `${seen} %`,

@@ -15,7 +15,7 @@ const FILTERS = [
   ["kind", "Kind", (row) => [row.kind]],
 ];
 const COLUMNS = [["place", "Place"], ["case", "Case"], ["mode", "Mode"], ["what", "Claim"],
-  ["stated", "Stated"], ["got", "We get"], ["verdict", "Verdict"], ["ratio", "Ratio"],
+  ["stated", "Claimed"], ["got", "We get"], ["verdict", "Verdict"], ["ratio", "Ratio"],
   ["more", "More"]];
 const { compare } = new Intl.Collator("en", { numeric: true }); // figure 3.4 before figure 3.10
 const rank = (verdict) => VERDICTS.indexOf(verdict);

@@ -69,7 +69,7 @@ function createStudy(model) {
         `${error.name ? `${error.name}: ` : ""}mean error ${show(error.mean)} % ` +
           `(5–95 % band ${range(error.low, error.high)})`,
         isNumber(error.predicted) && `predicted ${show(error.predicted)} %`,
-        error.stated && `stated in the thesis ${range(...error.stated)}`]);
+        error.stated && `claimed in the thesis ${range(...error.stated)}`]);
       parts.push(deflection && `deflection: mean error ${show(deflection.mean)} %`,
         study.inView(study.settings()[i]));
       return `${study.nameOf(i)}: ${parts.filter(Boolean).join(", ")}`;
