@@ -218,7 +218,7 @@ def test_the_thesis_chain_gains_from_cameras_and_with_pixels_only_up_to_1280():
     assert pixels[-1] > 1.05 * pixels.min()  # "higher again at 1920"
     cameras = medians("experiment-cameras", "matched")
     assert change(cameras) < 1.2 / 4  # stated: 4 % to 1.2 %
-    assert cameras[0] > 4  # "two cameras on one side are worse than stated"
+    assert cameras[0] > 4  # "two cameras on one side are worse than claimed"
 
 
 def test_clocks_let_neither_pixels_nor_cameras_help():
@@ -411,7 +411,7 @@ def test_which_powers_are_certain_and_what_markers_do_not_tell():
     assert (cube["by_calibration"] < 10).all()  # noise "makes nearly all of them"
     spacing, off = cube["grid_spacing"].values, np.abs(cube["grid_interpolation"].values)
     of = float(stated.sel(structure="between"))
-    assert (off[spacing > 0.1] > 100 * of).all()  # "do not tell them"
+    assert (off[spacing > 0.1] > 100 * of).all()  # "do not distinguish them"
     assert (off[spacing < 0.06] < 100 * of / 2).all()
     between = cube.sel(structure="between")
     assert float(between["spacing"]) < 0.06  # "as close as that takes"
