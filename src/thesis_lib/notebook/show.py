@@ -238,4 +238,4 @@ def _describe_cost(names: list[str]) -> str:
     two = sum(sorted(peaks)[-2:])  # that run at a time
     total = effort.Effort(sum(seconds), two, sum(sizes))
     takes = f"{'up to ' * (len(names) > 1)}{total.time} and {total.memory}"
-    return f"With the defaults it takes {takes}, from nothing on two cores."
+    return f"With the defaults it takes {takes}, in a clean run on two cores."

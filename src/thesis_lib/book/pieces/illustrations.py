@@ -132,7 +132,7 @@ def draw_plate_errors(cube: xr.Dataset) -> Figure:
     axes.set_xticks(range(len(cases)), [*cases])
     style.make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
     axes.set(ylabel="error of the deflection, %", ylim=(None, 400))
-    axes.set_xlabel("what is varied, from its first setting to its last")
+    axes.set_xlabel("varied parameter, from its first setting to its last")
     return drawing
 
 
