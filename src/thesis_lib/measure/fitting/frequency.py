@@ -100,13 +100,15 @@ def liveliest_series(
         if sum(map(len, times)) >= most:
             break
     if not times:
-        raise FrequencyError(f"camera {recording.camera.name} has no frame of the steady part")
+        name = recording.camera.name
+        raise FrequencyError(f"camera {name} has no frame of the steady-state interval")
     flat = np.concatenate(values)
     seen = flat[:, np.isfinite(flat).mean(axis=0) > MIN_KNOWN]
     if not seen.size:
         raise FrequencyError(
             f"camera {recording.camera.name} sees no marker in more than {MIN_KNOWN:.0%} of the "
-            "frames of the steady part: light the markers better, or leave this camera out"
+            "frames of the steady-state interval: light the markers better, or leave this camera "
+            "out"
         )
     moved = seen - np.nanmean(seen, axis=0)
     return np.concatenate(times), moved[:, np.argsort(np.nanstd(moved, axis=0))[-LIVELY_SERIES:]]

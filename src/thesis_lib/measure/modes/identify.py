@@ -252,7 +252,7 @@ def _check(tracks: Sequence[Track], asked: ModeRequest, most: int) -> None:
         one, other = given[close[0]], given[close[0] + 1]
         raise ModalError(
             f"{one:.6g} and {other:.6g} Hz are {other - one:.3g} Hz apart, and {seconds:.3g} s "
-            f"tell apart what is {1 / seconds:.3g} Hz apart: film {1 / (other - one):.3g} s or more"
+            f"resolve {1 / seconds:.3g} Hz: film {1 / (other - one):.3g} s or more"
         )
     seen = sum(np.isfinite(track.uv).all(axis=1).mean(axis=0) > 0.5 for track in tracks)
     if (count := int(np.count_nonzero(np.asarray(seen) >= 2))) < MIN_MARKERS:

@@ -98,7 +98,7 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
     corners = _find_quadrilateral(image, camera)
     if markers.hole is None:
         raise TrackingError(
-            f"camera {camera.name}: the beam has no hole to tell its ends apart, give the four "
+            f"camera {camera.name}: the beam has no hole to distinguish its ends, give the four "
             "corners (corners_px)"
         )
     views = [corner_view(camera, markers, np.roll(corners, turn, axis=1)) for turn in (0, 2)]
