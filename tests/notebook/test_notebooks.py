@@ -173,7 +173,7 @@ def test_each_figure_gets_a_cell_with_its_words():
     assert [one.name for one in words] == [
         "fig-3-25", "fig-3-27", "fig-beam-arrays-m-y-mode-1", "fig-beam-arrays-m-y-mode-3"
     ]  # fmt: skip
-    title = "alongside the beam, wide to narrow"
+    title = "beside the beam, wide to narrow"
     assert words[0].caption == f"Figure 3.25 of the thesis. Case 4a′, mode 1: {title}."
     assert words[2].caption == "Case m&#42;y, mode 1."
     for cell in page.cells:
