@@ -104,8 +104,8 @@ def time_histories(
     whole["displacement"].attrs |= {"ancillary_variables": "standard_error flag cameras_seen"}
     return whole.assign_attrs(
         title=f"{data.attrs['title']}: motion of every marker",
-        comment="What the harmonic fit explains is free of the exposures' blur; in the rest "
-        "interval, and outside the steady-state interval, it is left in.",
+        comment="What the harmonic fit explains is free of the exposures' blur; in the residual, "
+        "and outside the steady-state interval, it is left in.",
     )
 
 
