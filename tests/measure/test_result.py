@@ -95,6 +95,15 @@ def test_exact_tracks_give_the_exact_shape(conforms, tmp_path):
     conforms.closed_form(data["camera_centre"], centres, atol=1e-6)
 
 
+def test_the_shape_is_corrected_for_the_bending_of_markers(conforms, tmp_path):
+    """Points are tracked, so what edges would lose is added: half of the mean across the view."""
+    data = shape_result(manifest(), heard(), recordings(tmp_path, noise=2e-5))
+    bent = np.gradient(np.gradient(TRUE[:25], 0.025), 0.025)[7:18]
+    views = 1 + 2 * np.mean(np.sin(np.radians(DIRECTIONS)[:, 0]) ** 2)
+    added = np.mean((data["deflection"].values - TRUE)[7:18] / bent)
+    conforms.closed_form(added, -views * 0.0025**2 / 8, rtol=0.1)
+
+
 def spoiled(own, seed, noise=0.05, kept=1.0, like=0.0, fastest=False):
     """Exact recordings with noise, px, so alike from frame to frame, and a share of the centres."""
     rng, made = np.random.default_rng(seed), []

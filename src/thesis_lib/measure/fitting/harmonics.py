@@ -287,11 +287,15 @@ def at_rest(own: Recording, seconds: float) -> Array:
 def rest_of(
     manifest: Manifest, recordings: Sequence[Recording], seconds: float
 ) -> reconstruction.Rest:
-    """Return the markers at rest, from their mean positions in the first `seconds`."""
+    """Return the markers at rest, from their mean positions in the first `seconds`.
+
+    Fits from here on are corrected for the size of the markers.
+    """
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     still = np.array([at_rest(own, seconds) for own in recordings])
     thickness = manifest.structure.thickness_mm / 1000
-    return reconstruction.check_rest(cameras, still, markers, thickness)
+    rest = reconstruction.check_rest(cameras, still, markers, thickness)
+    return replace(rest, radius=markers.diameter / 2)
 
 
 def describe_rest(rest: reconstruction.Rest, recordings: Sequence[Recording]) -> dict[str, Any]:

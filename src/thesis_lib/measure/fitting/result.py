@@ -13,6 +13,7 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting import errors, frequency as clocks, harmonics, reconstruction
 from thesis_lib.measure.fitting.harmonics import Fitted
+from thesis_lib.measure.fitting.marker_size import correct_fit
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.recordings.validation import markers_of
@@ -178,12 +179,14 @@ def shape_result(
         softened.append(errors.widen_frozen_scatter(noisy, markers.centres))
     fit = replace(raw, harmonics=[own for own, _ in softened])
     fit, lags, lag_errors = clocks.correct_starts(fit, omega, exposures)
+    fit, edges = correct_fit(fit, omega, exposures, still)
     complex_shape = harmonics.deflection_amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
     lag = np.pi / 2 - manifest.structure.damping  # behind the force at resonance
     phase = harmonics.common_phase(complex_shape, float(np.angle(force)) - lag if force else None)
     turned = complex_shape * np.exp(-1j * phase)
-    shape, error = turned.real, harmonics.amplitude_std(fit, omega, exposures)
+    shape = turned.real
+    error = edges.propagate_std(harmonics.amplitude_std(fit, omega, exposures))
     usual = np.nanmedian(scatter, axis=-1, keepdims=True)
     frozen = scatter < errors.MAX_FROZEN_RATIO * usual  # markers frozen by video compression
     moving = ~frozen.any(axis=0)
@@ -207,7 +210,10 @@ def shape_result(
     values = {
         **harmonics.describe_rest(replace(still, points=fit.points), recordings),
         "deflection": shape,
-        "standard_error": np.hypot(widening * error, scale_error(frame.scale) * shape),
+        "standard_error": np.hypot(
+            widening * error,
+            np.hypot(scale_error(frame.scale) * shape, edges.estimate_error(shape)),
+        ),
         "error_of_scatter": error,
         "in_plane": np.sqrt(np.sum(np.abs(moved) ** 2, axis=0)),
         "in_plane_excess": excess,

@@ -23,6 +23,7 @@ from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import harmonics, reconstruction
 from thesis_lib.measure.fitting.errors import estimate_in_plane, widen_frozen_scatter
 from thesis_lib.measure.fitting.frequency import MIN_CLOCK_SIGMAS, MIN_PHASE_RAD, phase_lags
+from thesis_lib.measure.fitting.marker_size import correct_fit
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole, triangulation
@@ -194,11 +195,13 @@ def estimate_shapes(
             widen_frozen_scatter(one[k].raised(images_at), rest.places)[0]
             for one, images_at in zip(seen, images, strict=True)
         ]
-        fit = harmonics.Fitted(cameras, own, rest.images, rest.frame)
+        raw = harmonics.Fitted(cameras, own, rest.images, rest.frame)
+        fit, edges = correct_fit(raw, omega, still, rest)
         _, excess = estimate_in_plane(fit, omega, still, rest.places, rest.thickness)
-        error = harmonics.amplitude_std(fit, omega, still) * max(np.nan_to_num(excess), 1.0)
+        noise = edges.propagate_std(harmonics.amplitude_std(fit, omega, still))
         turn, turn_error = phase_lags(fit, omega, still)
         along = harmonics.deflection_amplitude(fit, omega, still)
+        error = np.hypot(noise * max(np.nan_to_num(excess), 1.0), edges.estimate_error(along))
         found.append(Shape(along, error, excess, turn, turn_error, fit))
     return found, [*scatter]
 

@@ -159,8 +159,8 @@ def _choose_motion(
     """Interpolate the markers' motion to places (2, n): by a model if it fits, else a spline."""
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
-        radius = structure.markers.diameter_mm / 2000
-        found = radiated.fit_model(model, markers, radius, places)
+        # Measured shapes are corrected for the size of the markers: they move as points.
+        found = radiated.fit_model(model, markers, 0.0, places)
         each = np.arange(len(shapes.value)).reshape(-1, markers.shape[1])
         left = np.array([found.left(shapes.part(own)) for own in each])
         if asked.between == "model" or np.all(left[:, 0] <= MAX_MODEL_CHI * left[:, 1]):

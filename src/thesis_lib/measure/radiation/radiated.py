@@ -2,9 +2,9 @@
 
 The motion of the surface is a linear function of the markers' motion. With a model of the
 structure, its first modes are fitted to the markers, as many as these can distinguish. Tracking
-fits the edge of a marker, so a marker shows the mean motion around its edge, and modes are averaged
-there, too. Without a model, a thin plate spline (J. Duchon, 1977) goes through all markers, and is
-zero on supported edges.
+fits the edge of a marker, so motion that is not corrected for this is compared with the mean of a
+mode around that edge. Without a model, a thin plate spline (J. Duchon, 1977) goes through all
+markers, and is zero on supported edges.
 
 The structure lies in a rigid wall. Pressure and power follow by Rayleigh's integral
 (:mod:`thesis_lib.acoustics.surfaces`), their errors from those of the markers and from calibration

@@ -27,11 +27,13 @@ import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.harmonics import rest_of
+from thesis_lib.measure.fitting.marker_size import fit_correction
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.response import signals
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables, split_complex
+from thesis_lib.vision.pinhole import projection_matrices
 
 ESTIMATORS = ("H1", "H2", "Hv")
 HANN_SHARE = 1 / 6  # share of a line's power that a Hann window adds to each neighbour
@@ -218,6 +220,11 @@ def estimate_response(
             f"marker is lost for a while, {unknown.mean():.0%} of the time; give shorter ones, or "
             "drive so gently that no marker is taken for its neighbour"
         )
+    P = projection_matrices([own.camera for own in recordings])
+    edges = fit_correction(P, rest, moved)
+    whole = (found["receptance_real"] + 1j * found["receptance_imag"]).swapaxes(1, 2)
+    by_size = edges.estimate_error(whole).swapaxes(1, 2)
+    found["standard_error"] = np.hypot(found["standard_error"], by_size)
     usual = manifest.structure.force_place
     place = usual if given.at_mm is None else np.array(given.at_mm) / 1000
     apart = np.linalg.norm(rest.places - place[:, None], axis=0)

@@ -26,6 +26,7 @@ import scipy
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
 from thesis_lib.measure.fitting import frequency as clocks, harmonics, reconstruction
+from thesis_lib.measure.fitting.marker_size import fit_correction
 from thesis_lib.measure.fitting.reconstruction import Rest
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import Manifest
@@ -275,7 +276,8 @@ def estimate_deflections(
         along, across, normal = rest.frame.to_beam(points) - still[:, None]
         with np.errstate(invalid="ignore"):
             found.append(np.where(np.hypot(along, across) > aside, np.nan, normal))
-    return np.concatenate(found)
+    moved = np.concatenate(found)
+    return fit_correction(P, rest, moved).correct_deflections(moved)
 
 
 def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 0) -> Array:
