@@ -102,9 +102,7 @@ class Rest:
     points: Array  #: Positions in the calibration's frame, m, shape (3, markers)
     places: Array  #: Nominal positions on the structure, m, shape (2, markers)
     thickness: float  #: Thickness of the structure, m
-    radius: float = (
-        0.0  #: Radius of markers whose size is corrected, m; 0: centres are used as seen
-    )
+    radius: float = 0.0  #: Radius of markers whose size is corrected, m; 0: as points
 
 
 def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: int = 6) -> Array:
