@@ -15,7 +15,7 @@ from thesis_lib.book import explorer
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
-from thesis_lib.figure_sets.registry import validate_request
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import show
 from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies.cubes import read_published
@@ -78,8 +78,7 @@ def said(opened, css):
 
 def drawn_request(rng, name):
     """A random request that the library takes, with cameras well apart."""
-    subject, study = name.split("-")
-    near = 420 if subject == "beam" else 700
+    fields, near = STUDIES[name].model_fields, 420 if name.startswith("beam") else 700
 
     def some(low, high, digits=1):
         return round(rng.uniform(low, high), digits)
@@ -92,50 +91,29 @@ def drawn_request(rng, name):
             if np.all(np.abs(cosines) < np.cos(np.radians(4))):
                 return found
 
-    size = rng.choice([[320, 180], [640, 360], [333, 201], [1920, 1080]])
-    pair = {"azimuth_deg": some(8, 80), "elevation_deg": some(5, 75)}
-    far = some(near, 2000)
     halves, elevations = ([some(5, 40), some(41, 80)] for _ in range(2))
     layout = [directions(2), directions(24 if rng.random() < 0.2 else 3)]
-    own = {
-        "distance": {
-            "distances_mm": sorted({some(near, 2500) for _ in range(3)}),
-            "resolution_px": size,
-            **pair,
-        },
-        "aperture": {
-            "cases": sorted(rng.sample(["2a", "2b", "2c", "2d"], 2)),
-            "half_apertures_deg": halves,
-            "elevations_deg": elevations,
-            "elevation_deg": some(5, 75),
-            "distance_mm": far,
-            "resolution_px": size,
-        },
-        "resolution": {
-            "widths_px": rng.sample([123, 320, 321, 1001, 1920, 4000], 3),
-            "distance_mm": far,
-            **pair,
-        },
-        "arrays": {
-            "cases": sorted(rng.sample(["4a", "4a'", "4b", "4c", "4d", "4e"], 2)),
-            "pair_order": {"4b": "reversed"} if rng.random() < 0.5 else {},
-            "layouts": {"mine": layout},
-            "distance_mm": far,
-            "resolution_px": size,
-        },
-    }[study]
     force, highest = rng.random() < 0.15, 30 if rng.random() < 0.3 else 4
     modes = sorted(rng.sample(range(1, 5 if force else 1 + highest), 2))
     peak = [some(0.5, 12) for _ in modes] if rng.random() < 0.4 else some(0.5, 12)
-    shared = {
+    every = {
+        "azimuth_deg": some(8, 80), "elevation_deg": some(5, 75),
+        "distance_mm": some(near, 2000),
+        "distances_mm": sorted({some(near, 2500) for _ in range(3)}),
+        "half_apertures_deg": halves, "elevations_deg": elevations,
+        "resolution_px": rng.choice([[320, 180], [640, 360], [333, 201], [1920, 1080]]),
+        "widths_px": rng.sample([123, 320, 321, 1001, 1920, 4000], 3),
+        "cases": sorted(rng.sample(STUDIES[name]().cases, 2)) if "cases" in fields else [],
+        "pair_order": {"4b": "reversed"} if rng.random() < 0.5 else {},
+        "layouts": {"mine": layout},
         "focal_length_mm": some(12, 60), "sensor_width_mm": rng.choice([36, 23.5]), "modes": modes,
         "amplitude_mm": "force" if force else peak, "azimuth_zero": rng.choice("YX"),
         "rest": rng.choice(["rebuilt", "known"]),
         "principal_offset_px": rng.choice([0, 0.5, -0.125, 0.31]),
+        "first_marker_mm": some(0, 23), "grid": rng.choice([[15, 10], [6, 5], [9, 17]]),
     }  # fmt: skip
-    markers = {"first_marker_mm": some(0, 23)} if subject == "beam" else {
-        "grid": rng.choice([[15, 10], [6, 5], [9, 17]])}  # fmt: skip
-    return validate_request(name, {**own, **shared, **markers, "trials": 0})
+    own = {key: value for key, value in every.items() if key in fields}
+    return validate_request(name, {**own, "trials": 0})
 
 
 def held(conforms, request, there):
