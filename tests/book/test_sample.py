@@ -1,11 +1,8 @@
 """The report on the shipped example that the book shows: as measured, and as users get theirs."""
 
-import re
-
 import axe
 import numpy as np
 import pytest
-from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
 
 from thesis_lib.book.pieces import manifest as sample
@@ -68,10 +65,3 @@ def test_the_measured_tip_is_the_true_one(data):
     truth = example.example_rig().motion.components[0]
     shape = truth.shape(example.example_rig().motion.structure, [[data["x"].max()], [0.0]])
     assert tip == pytest.approx(truth.amplitude * abs(float(shape[0])), abs=3 * error)
-
-
-@needs_book
-def test_the_book_has_it_and_leads_to_it():
-    assert (BOOK / sample.SAMPLE_PAGE).read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    guide = (BOOK / "recordings.html").read_text(encoding="utf-8")
-    assert len(re.findall(f'href="{sample.SAMPLE_PAGE}"', guide)) >= 2
