@@ -5,7 +5,7 @@ And the statements that exclude each other: the arithmetic is done again from th
 
 import csv
 from itertools import combinations, product
-from math import acos, asin, atan, cos, cosh, degrees, inf, isfinite, pi, radians, sin, sqrt, tan
+from math import acos, asin, atan, cos, cosh, degrees, inf, pi, radians, sin, sqrt, tan
 
 import numpy as np
 import pytest
@@ -32,10 +32,7 @@ def value(name):
 # -- Reading --
 
 
-def test_every_number_has_a_value():
-    assert len(NUMBERS) > 60
-    assert all(isfinite(number.value) for number in NUMBERS)
-    assert len(BY_ID) == len(NUMBERS)
+def test_every_way_to_compute_a_number_is_used():
     assert {number.value_of[0] for number in NUMBERS} == set(stated_numbers.CORRECT_VALUES)
 
 
