@@ -105,7 +105,7 @@ class Running:
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory):
-    """A fresh copy for the tests of one file, which leave it as it is."""
+    """A fresh copy for all tests of one file."""
     return Checkout(tmp_path_factory.mktemp("checkout") / "project")
 
 

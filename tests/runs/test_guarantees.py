@@ -112,12 +112,6 @@ def restored(book, states):
     assert all(believed for _, believed in states(*EVERY).values())
 
 
-@pytest.fixture(scope="module")
-def apart(tmp_path_factory):
-    """A checkout whose notebook each test shortens as it needs."""
-    return Checkout(tmp_path_factory.mktemp("apart") / "project")
-
-
 # Killed.
 
 
@@ -151,10 +145,10 @@ def test_a_book_killed_at_any_moment_gives_the_same_cubes_when_called_again(book
 @pytest.mark.few(1)
 @pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.usefixtures("interrupts_ignored")
-def test_an_interrupted_run_says_so_and_leaves_nothing_behind(apart, tmp_path, start, politely):
+def test_an_interrupted_run_says_so_and_leaves_nothing_behind(checkout, tmp_path, start, politely):
     begun = tmp_path / "begun"
-    shorten(apart, BAD, WAITS.format(begun=str(begun), go=str(tmp_path / "go")))
-    running = start(apart, tmp_path / "log.txt", "run", BAD, "-p", "trials=1", "--out", "o")
+    shorten(checkout, BAD, WAITS.format(begun=str(begun), go=str(tmp_path / "go")))
+    running = start(checkout, tmp_path / "log.txt", "run", BAD, "-p", "trials=1", "--out", "o")
     running.wait_for(begun.exists)
     os.killpg(running.process.pid, politely)
     assert running.process.wait(timeout=60) == 130
@@ -249,17 +243,19 @@ def test_of_two_commands_in_one_folder_the_second_is_refused(
 
 
 @pytest.mark.nightly
-def test_a_full_disk_and_a_killed_kernel_are_told_in_one_line_and_nothing_is_lost(apart, tmp_path):
+def test_a_full_disk_and_a_killed_kernel_are_told_in_one_line_and_nothing_is_lost(
+    checkout, tmp_path
+):
     run = ["run", BAD, "-p", "trials=1", "--out", "out"]
-    shorten(apart, BAD)
-    assert apart.thesis(*run, cwd=tmp_path).returncode == 0
+    shorten(checkout, BAD)
+    assert checkout.thesis(*run, cwd=tmp_path).returncode == 0
     before = {path: path.read_bytes() for path in (tmp_path / "out").glob(f"{BAD}.*")}
-    shorten(apart, BAD, NO_SPACE)
-    full = apart.thesis(*run, cwd=tmp_path)
+    shorten(checkout, BAD, NO_SPACE)
+    full = checkout.thesis(*run, cwd=tmp_path)
     assert full.returncode == 1
     assert "failed with OSError: [Errno 28] No space left on device" in full.stderr.splitlines()[-1]
-    shorten(apart, BAD, "import os\n\nos.kill(os.getpid(), 9)")
-    killed = apart.thesis(*run, cwd=tmp_path)
+    shorten(checkout, BAD, "import os\n\nos.kill(os.getpid(), 9)")
+    killed = checkout.thesis(*run, cwd=tmp_path)
     assert killed.returncode == 1
     said = f"thesis: {BAD}: the process that executes its notebook has ended"
     assert killed.stderr.splitlines()[-1].startswith(said)
