@@ -9,7 +9,7 @@ from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.acoustics.surfaces import Surface
 
-DRAWS = 20000
+DRAWS = 3000
 N = 5
 RNG = np.random.default_rng(3)
 ROWS = RNG.normal(size=(3, N)) + 1j * RNG.normal(size=(3, N))
@@ -19,9 +19,10 @@ FORM = np.real(np.conj(ROWS).T @ ROWS)
 
 
 def drawn(scale=1.0):
-    """Measured amplitudes, a row each, and the covariance of their errors."""
+    """Measured amplitudes, with the covariance of their errors."""
     errors = np.random.default_rng(4).normal(size=(DRAWS, 2 * N)) @ (scale * SPREAD).T
-    return TRUE + errors[:, :N] + 1j * errors[:, N:], scale**2 * SPREAD @ SPREAD.T
+    measured, C = TRUE + errors[:, :N] + 1j * errors[:, N:], scale**2 * SPREAD @ SPREAD.T
+    return [estimates.Amplitudes(w, C) for w in measured]
 
 
 def judged(found, truth, conforms, unbiased=0.0):
@@ -35,15 +36,12 @@ def judged(found, truth, conforms, unbiased=0.0):
 
 
 def test_powers_are_unbiased_and_their_errors_are_those_of_draws(conforms):
-    measured, C = drawn(0.4)
-    every = [estimates.Amplitudes(w, C) for w in measured[:3000]]
-    found = [estimates.estimate_quadratic_form(FORM, one) for one in every]
+    found = [estimates.estimate_quadratic_form(FORM, one) for one in drawn(0.4)]
     judged(found, np.real(np.conj(TRUE) @ FORM @ TRUE), conforms)
 
 
 def test_powers_of_modes_one_by_one_and_together(conforms):
-    measured, C = drawn(0.12)
-    every = [estimates.Amplitudes(w, C) for w in measured[:3000]]
+    every = drawn(0.12)
     each = [estimates.estimate_squares(ROWS, one) for one in every]
     judged(each, np.abs(ROWS @ TRUE) ** 2, conforms)
     total = [estimates.estimate_sum(ROWS, one) for one in every]
@@ -78,8 +76,7 @@ def test_stated_variances_are_in_the_mean_those_of_the_estimates(of, conforms):
 
 
 def test_quotients_and_absolute_values(conforms):
-    measured, C = drawn(0.2)
-    each = [estimates.Amplitudes(w, C) for w in measured[:3000]]
+    each = drawn(0.2)
     truth = np.real(np.conj(TRUE) @ FORM @ TRUE) / np.sum(np.abs(TRUE) ** 2)
     ratios = [estimates.estimate_ratio(FORM, np.eye(N), one) for one in each]
     judged(ratios, truth, conforms, 0.01 * truth)
