@@ -240,18 +240,23 @@ def test_verdict(confidence, single, verdict):
 
 
 @pytest.mark.parametrize(
-    ("test", "by", "more", "effect"),
+    ("test", "by", "more", "effect", "step"),
     [
-        ("falls", {"a": [4, 3, 2]}, {}, 0.5),
-        ("falls", modes([4, 2], [4, 3.8]), BOTH, 0.95),  # that which changes least
-        ("falls_steadily", {"a": [4, 3, 1]}, {}, 0.25),
-        ("flat", {"a": [4, 3]}, {}, NAN),
-        ("falls", {"a": [0, 3]}, {}, NAN),
+        ("falls", {"a": [4, 3, 2]}, {}, 0.5, ""),
+        ("falls", modes([4, 2], [4, 3.8]), BOTH, 0.95, ""),  # that which changes least
+        ("falls_steadily", {"a": [4, 3, 1]}, {}, 0.25, ""),
+        ("flat", {"a": [4, 3]}, {}, NAN, ""),
+        ("falls", {"a": [0, 3]}, {}, NAN, "0 at 0 but 3 at 1"),
+        ("falls", {"a": [4, 2, 2.2]}, {}, 0.55, ""),  # less than the smallest effect
+        ("falls_steadily", {"a": [4, 2, 2.4]}, {}, 0.6, "2 at 1 but 2.4 at 2"),
+        ("rises", {"a": [2, 3, 2.4, 5]}, {}, 2.5, "3 at 1 but 2.4 at 2"),
+        ("flat", {"a": [2, 3, 1]}, {}, NAN, ""),
     ],
 )
-def test_effect_is_the_least_change(test, by, more, effect):
-    found = judge_trend(trend(test, **more), scene(by)).effect
-    np.testing.assert_allclose(found, effect, rtol=1e-12)
+def test_least_change_and_largest_step_against_a_trend_are_told(test, by, more, effect, step):
+    found = judge_trend(trend(test, **more), scene(by))
+    np.testing.assert_allclose(found.effect, effect, rtol=1e-12)
+    assert found.step_back == step
 
 
 @pytest.mark.parametrize(
@@ -279,19 +284,6 @@ def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_dra
     found = judge_trend(trend("falls"), made)
     assert 0.5 < found.confidence < 0.95  # any fall at all: 99 %
     assert (found.verdict, found.step_back) == ("within scatter", "2.16 at 1280 but 2.41 at 1920")
-
-
-@pytest.mark.parametrize(
-    ("test", "expected", "step"),
-    [
-        ("falls", [4, 2, 2.2], ""),  # less than the smallest effect
-        ("falls_steadily", [4, 2, 2.4], "2 at 1 but 2.4 at 2"),
-        ("rises", [2, 3, 2.4, 5], "3 at 1 but 2.4 at 2"),
-        ("flat", [2, 3, 1], ""),
-    ],
-)
-def test_the_largest_step_against_a_trend_is_told(test, expected, step):
-    assert judge_trend(trend(test), scene({"a": expected})).step_back == step
 
 
 # -- Invariances --
