@@ -12,17 +12,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 LOCAL = ("file:", "data:", "blob:", "about:")
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--disable-dev-shm-usage",
-    "--disable-sync",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-default-apps",
-    "--no-first-run",
-]
+FLAGS = ["--disable-gpu", "--disable-quic"]  # besides those that Playwright gives by itself
 
 
 def write_page(file, *fragments):
