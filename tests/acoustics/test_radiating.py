@@ -69,10 +69,6 @@ def test_fields_of_drawn_errors_are_those_that_the_law_predicts(conforms):
     fields, shapes = [], []
     for turn in (0, 2):
         errors, C = drawn_errors(turn)
-        few = errors[::8]
-        sent = [rayleigh_pressure(plate_pistons(PLATE), e, PLANE.points, OMEGA) for e in few]
-        square = np.mean(np.abs(sent) ** 2)
-        conforms.independent(square, np.mean(np.sum((few @ FACTOR.T) ** 2, axis=1)), rtol=1e-9)
         found = np.mean((errors @ MODES[:3].T) ** 2, axis=0)
         law = radiation.mean_squares(MODES, C)
         conforms.closed_form(np.sum(law), np.trace(FACTOR @ C @ FACTOR.T), rtol=1e-12)
