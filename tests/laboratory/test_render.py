@@ -74,20 +74,16 @@ def test_vertices_and_sides_may_lie_on_the_borders_of_pixels(conforms, share):
     conforms.closed_form(coverage(square), expected, atol=1e-14)
 
 
-def square(grey=100.0, sensor=SHARP, rng=None, size=(400, 300)):
-    """An image that is of one grey level in the middle."""
-    uv = np.array([[50.0, 350, 350, 50], [50, 50, 250, 250]])
-    polygons = render.Polygons(np.array([0]), np.array([grey - sensor.background]))
-    return render.collect_light(uv, polygons, size, sensor).recorded(sensor, rng)
-
-
 @pytest.mark.parametrize(
     ("grey", "shot", "read"),
     [(20.0, 0.05, 1.0), (200.0, 0.05, 1.0), (150.0, 0.0, 3.0), (150.0, 0.2, 0)],
 )
 def test_noise_is_white_with_the_variance_of_photons_and_of_reading(conforms, grey, shot, read):
     sensor, rounding = replace(SHARP, shot=shot, read=read), 1 / 12
-    image = square(grey, sensor, np.random.default_rng(1)).astype(float)
+    uv = np.array([[50.0, 350, 350, 50], [50, 50, 250, 250]])
+    polygons = render.Polygons(np.array([0]), np.array([grey - sensor.background]))
+    light = render.collect_light(uv, polygons, (400, 300), sensor)
+    image = light.recorded(sensor, np.random.default_rng(1)).astype(float)
     for part, level in [(image[60:240, 60:340], grey), (image[:45], 60.0)]:
         expected = shot * level + read**2 + rounding
         conforms.sampled(part.mean(), level, atol=4 * np.sqrt(expected / part.size))
