@@ -1,7 +1,5 @@
 """The search of the rendered book, from its folder, and what it looks through."""
 
-from contextlib import contextmanager
-
 import axe
 from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
@@ -17,14 +15,6 @@ def ask(page, words):
     page.locator("#pst-search-dialog input").fill(words)
     status.filter(has_text=r".").wait_for()
     return page.locator(TITLES).all_inner_texts()
-
-
-@contextmanager
-def searching(chromium, name="intro.html"):
-    """A page of the book whose search is open; nothing may be amiss on it."""
-    with open_offline(chromium, BOOK / name) as opened:
-        opened.page.keyboard.press("Control+k")
-        yield opened.page
 
 
 FIRST = {
@@ -43,7 +33,9 @@ FIRST = {
 
 @needs_book
 def test_what_is_meant_comes_first_or_nearly(chromium):
-    with searching(chromium, "executed/beam-aperture.html") as page:
+    with open_offline(chromium, BOOK / "executed" / "beam-aperture.html") as opened:
+        page = opened.page
+        page.keyboard.press("Control+k")
         first = {words: ask(page, words)[:3] for words in FIRST}
         wrong = {words: first[words] for words in FIRST if FIRST[words] not in first[words]}
         assert wrong == {}
@@ -55,7 +47,9 @@ def test_endings_typos_and_words_too_many_are_no_hindrance(chromium):
         "roundign": "rounding", "roundinng": "rounding", "triangulating": "triangulation",
         "apertures": "aperture",
     }  # fmt: skip
-    with searching(chromium) as page:
+    with open_offline(chromium, BOOK / "intro.html") as opened:
+        page = opened.page
+        page.keyboard.press("Control+k")
         for words, meant in typed.items():
             found = ask(page, words)
             assert set(found[:5]) & set(ask(page, meant)[:10]), words
