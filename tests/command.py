@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import shlex
 import signal
 import sys
 import warnings
@@ -56,3 +57,11 @@ def refusal(done):
     assert done.err.endswith("\n")
     assert len(done.err.splitlines()) == 1, done.err
     return done.err.strip()
+
+
+def read_command(line):
+    """Figure set or chapter and parameters of a ``thesis run``, as the command reads them."""
+    program, run, name, *options = shlex.split(line)
+    assert (program, run) == ("thesis", "run")
+    assert set(options[::2]) <= {"-p"}
+    return name, command_line.parse_assignments(options[1::2])

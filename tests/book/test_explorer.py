@@ -1,15 +1,14 @@
 """The explorer: its draws are measurements, and it can be used in a real browser."""
 
 import re
-import shlex
 
 import numpy as np
 import pytest
 from browser import focused, open_offline, tab_through, write_page
+from command import read_command
 
 from thesis_lib.book.explorer import explorer_data, explorer_html
-from thesis_lib.figure_sets.registry import STUDIES, validate_request
-from thesis_lib.runs.command_line import parse_assignments
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies import cubes
 from thesis_lib.vision.pinhole import pixelate, project
 from thesis_lib.web.html import read_asset
@@ -266,10 +265,8 @@ def test_the_command_runs_the_layout(chromium, path):
             opened.page.get_by_role("button", name="Copied").wait_for()
             copied = opened.page.evaluate("() => navigator.clipboard.readText()")
             assert copied == opened.page.locator(".tl-ex-export code").inner_text()
-            thesis, run, name, *rest = shlex.split(copied)
-            assert (thesis, run, set(rest[::2])) == ("thesis", "run", {"-p"})
-            study = validate_request(name, parse_assignments(rest[1::2]))
-            assert name == f"{shown['s']}-arrays" in STUDIES
+            study = validate_request(*read_command(copied))
+            assert study.name == f"{shown['s']}-arrays"
             [setting] = study.settings()
             assert setting.distance_mm == shown["d"]
             assert list(setting.resolution_px) == shown["w"]

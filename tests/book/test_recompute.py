@@ -3,12 +3,12 @@
 import json
 import random
 import re
-import shlex
 
 import numpy as np
 import pytest
 from book.rerun_form import as_in_page, fill
 from browser import focused, open_offline, tab_through, write_page
+from command import read_command
 from refused import refusal
 
 from thesis_lib.book import explorer
@@ -17,7 +17,6 @@ from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import show
-from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies.cubes import read_published
 from thesis_lib.vision.pinhole import hemisphere_directions
 
@@ -164,9 +163,8 @@ def test_random_requests_of_every_set_are_what_the_library_makes_of_them(
         for name in COMPUTED_SETS * 7:
             request = drawn_request(rng, name)
             held(conforms, request, asked(opened, name, typed(request)))
-            words = shlex.split(said(opened, CODE))
-            again = validate_request(name, {**parse_assignments(words[4::2]), "trials": 0})
-            assert again == request
+            again, given = read_command(said(opened, CODE))
+            assert validate_request(again, {**given, "trials": 0}) == request
 
 
 @pytest.mark.slow
@@ -248,8 +246,8 @@ def test_what_a_page_cannot_do_is_left_to_the_command(chromium, form):
         for name, values, words in LEFT:
             type_in(opened, name, values)
             assert said(opened, SENTENCE) == f"Not in the page: {words}. The command runs it."
-            line = parse_assignments(shlex.split(said(opened, CODE))[4::2])
-            assert validate_request(name, line) == validate_request(name, values)
+            given = validate_request(*read_command(said(opened, CODE)))
+            assert given == validate_request(name, values)
             assert stale.count() == 1
             opened.page.get_by_role("button", name="Reset").click()
             until(opened, "literal")
@@ -290,9 +288,8 @@ def test_a_parameter_is_changed_on_the_page_of_its_set(chromium, distance):
 def test_a_page_of_other_parameters_begins_with_them(chromium, tmp_path):
     own = atlas("beam-resolution", widths_px=[640], rest="known", trials=20)
     with open_offline(chromium, write_page(tmp_path / "run.html", own)) as opened:
-        words = shlex.split(said(opened, CODE))
-        assert words[:3] == ["thesis", "run", "beam-resolution"]
-        assert parse_assignments(words[4::2]) == {"widths_px": [640], "rest": "known", "trials": 20}
+        given = {"widths_px": [640], "rest": "known", "trials": 20}
+        assert read_command(said(opened, CODE)) == ("beam-resolution", given)
         opened.page.get_by_label("widths_px").fill("640, 1280")
         until(opened, "literal")
         assert [one["label"] for one in shown(opened)["cases"][0]["settings"]] == [

@@ -7,6 +7,7 @@ import shlex
 import pytest
 from book.rerun_form import as_in_page, fill
 from browser import open_offline, write_page
+from command import read_command
 from refused import refusal
 from scenes.changes import OWN_CHANGES
 
@@ -153,13 +154,12 @@ def test_commands_say_what_the_form_holds(chromium, path):
                 assert said["commands"] == []
                 continue
             (line,) = said["commands"]
-            words = shlex.split(line)
-            assert words[:3] == ["thesis", "run", name]
-            assert words[3::2] == ["-p"] * (len(words[3:]) // 2)
-            assert outcome(name, parse_assignments(words[4::2])) == wanted
+            again, given = read_command(line)
+            assert again == name
+            assert outcome(name, given) == wanted
             if not isinstance(wanted, str):  # else a relation that the command checks
                 accepted += 1
-                number = len(words[4::2])
+                number = len(given)
                 assert said["status"].startswith(f"{number} parameter" if number else "As publ")
         assert accepted > 10
 
@@ -169,9 +169,8 @@ def test_a_chapters_command_reaches_each_set(chromium, path):
     with open_offline(chromium, path, query="set=ch3") as opened:
         (said,) = fill(opened, ("ch3", texts))
         (line,) = said["commands"]
-        words = shlex.split(line)
-        assert words[:3] == ["thesis", "run", "ch3"]
-        studies = build_requests(["ch3"], parse_assignments(words[4::2]))
+        name, given = read_command(line)
+        studies = build_requests([name], given)
         assert [one.name for one in studies] == CHAPTER_SETS["ch3"]
         assert studies[0].request["distances_mm"] == [600, 900]
         assert all(one.request["focal_length_mm"] == 35 for one in studies)
@@ -201,7 +200,7 @@ def test_the_address_keeps_the_form(chromium, path):
         line = code.inner_text()
         opened.page.reload()
         assert code.inner_text() == line
-        study = validate_request(ARRAYS, parse_assignments(shlex.split(line)[4::2]))
+        study = validate_request(*read_command(line))
         assert study.request["layouts"] == {"ü & 2": [[[0, 20], [90, 20]]]}
         assert study.request["cases"] == ["4a"]
         assert "other=1" in opened.page.url

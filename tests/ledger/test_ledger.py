@@ -2,13 +2,13 @@
 
 import json
 import re
-import shlex
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
+from command import read_command
 from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 
 from thesis_lib.facts import claims, setups
@@ -22,7 +22,6 @@ from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.files import project_root
 from thesis_lib.ledger import entries as ledger, verdicts
-from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision.pinhole import hemisphere_directions
@@ -71,20 +70,12 @@ def test_tilting_is_a_turn_about_x(conforms):
 # -- Own runs: requests --
 
 
-def typed(command):
-    """Figure set and parameters of a command, as the command line reads them."""
-    thesis, run, name, *options = shlex.split(command)
-    assert (thesis, run) == ("thesis", "run")
-    assert set(options[::2]) <= {"-p"}
-    return name, parse_assignments(options[1::2])
-
-
 @pytest.mark.parametrize("name", compute.own_sources())
 def test_commands_run_what_the_ledger_runs(name):
     source = compute.own_sources()[name]
     for command, request in zip(source.commands, source.requests, strict=True):
         assert "\n" not in command
-        assert validate_request(*typed(command)).digest == request.digest
+        assert validate_request(*read_command(command)).digest == request.digest
 
 
 def request_of(name, **values):
@@ -187,7 +178,7 @@ def test_commands_of_the_entries_are_accepted(found):
     commands = {line for entry in found for line in entry.command.splitlines()}
     assert len(commands) > len(sets())
     for command in commands:
-        validate_request(*typed(command))
+        validate_request(*read_command(command))
 
 
 def test_links_lead_to_figures_of_the_notebooks(found):
@@ -419,7 +410,7 @@ def test_entries_come_back_from_their_cube(found, cube, other_readings, tmp_path
 
 def test_commands_of_the_readings_are_accepted():
     for reading in setups.READINGS.values():
-        name, values = typed(compute.format_command(reading))
+        name, values = read_command(compute.format_command(reading))
         assert name == "ch3"
         expected = camera_study("beam-arrays", compute.reading_parameters(reading, "beam-arrays"))
         assert validate_request("beam-arrays", values).digest == expected.digest
