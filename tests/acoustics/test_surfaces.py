@@ -93,7 +93,6 @@ def test_a_clipped_polygon_has_the_moments_of_its_part(conforms):
     triangle = clip_polygon([[0, 0], [2, 0], [0, 2]], [0, 0], [1, 1])
     whole, centre, variances = polygon_moments(triangle)
     conforms.closed_form(whole, 1, rtol=1e-12)
-    assert len(triangle) >= 4
     u = [[0, 0], [3, 0], [3, 2], [2, 2], [2, 1], [1, 1], [1, 2], [0, 2]]
     whole, centre, variances = polygon_moments(clip_polygon(u, [0, 1.5], [3, 2]))
     conforms.closed_form(whole, 1, rtol=1e-12)
