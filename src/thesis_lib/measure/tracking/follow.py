@@ -23,6 +23,7 @@ from thesis_lib.vision.pinhole import HALF_PIXEL, Camera, resize_camera, undisto
 
 CELLS_PER_PIXEL = 8  # in each direction; 16 would change centres by 0.0005 px
 MAX_FIT_ROUNDS = 6
+MAX_CORRECTIONS = 2  # of given corners by matches: enough for 3 px in a strip 28 px high
 MIDDLE_GREY = 128  # subtracted from all grey levels, for accuracy in single precision
 # Assumed contrast between structure and ground, grey levels, for the prior of the edge's position
 CONTRAST_GREY = 100.0
@@ -176,7 +177,8 @@ def first_view(
     """
     if corners_px is not None:
         corners = undistort_pixels(camera, np.array(corners_px, float).T)
-        return discs.sharpen_view(image, homography.corner_view(camera, markers, corners))
+        view = homography.corner_view(camera, markers, corners)
+        return discs.sharpen_view(image, view, MAX_CORRECTIONS)
     failures: list[homography.TrackingError] = []
     for even in homography.even_light(image):
         try:

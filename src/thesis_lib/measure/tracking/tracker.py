@@ -40,18 +40,24 @@ GAUSS_NEWTON_STEPS = 4
 cached_rule = cache(np.polynomial.legendre.leggauss)
 
 
-def sharpen_view(image: Image, view: View) -> View:
+def sharpen_view(image: Image, view: View, corrections: int = 0) -> View:
     """Fit the homography of a view to all markers at rest, and its blur.
 
-    A :class:`TrackingError` is raised if fewer than half are found, or do not fit their grid.
+    A :class:`TrackingError` is raised if fewer than half are found, or do not fit their grid. Few
+    are found where the view misplaces edges; so many `corrections` then use matches in their place.
     """
     grid, name, first = view.markers.positions, view.camera.name, view
-    for _ in range(2):
+    fits = 0
+    while fits < 2:
         found = assign_places(grid, Tracker(view).matches(image), assignment_gate(view.markers))
         view = replace(view, blur=_fit_blur(image, view, found))
         centres, _ = refine_centres(image, view, found)
-        count = np.count_nonzero(np.isfinite(centres[0]))
-        if count < max(4, grid.shape[1] / 2):
+        count, matched = (np.count_nonzero(np.isfinite(part[0])) for part in (centres, found))
+        if count >= max(4, grid.shape[1] / 2):
+            fits += 1
+        elif corrections and matched >= 4:
+            corrections, centres = corrections - 1, view.to_image(found)
+        else:
             raise TrackingError(
                 f"camera {name}: only {count} of {grid.shape[1]} markers are found in the first "
                 "frame"

@@ -101,9 +101,12 @@ def record_track(
             first, camera, markers, files.corners_px, turn, shares
         )
     except homography.TrackingError as error:
+        remedy = "The corners given may be more than a pixel or two off: click them again"
+        if files.corners_px is None:
+            remedy = "In uneven light give corners_px: click them"
         raise homography.TrackingError(
-            f"{video}: frame 0: {error}; are structure.markers as filmed, and corners_px? In "
-            "uneven light give them: thesis measure --check writes a page to click them in"
+            f"{video}: frame 0: {error}; are structure.markers as filmed? {remedy} in the "
+            "page that thesis measure --check writes"
         ) from None
     shape = (len(clock), *([2 * len(shares)] if shares else []), 2, markers.count)
     steps, across = np.zeros((2, len(clock)))
