@@ -464,7 +464,12 @@ def test_a_tap_has_modes_and_curves_in_one_report(tapped):
     text = (out / "report.html").read_text(encoding="utf-8")
     assert "<h2>Motion over force</h2>" in text
     assert "<h2>Modes</h2>" in text
-    data = xr.open_dataset(out / "response.nc")
+    assert "still-ringing" in text
+    data, marker = xr.open_dataset(out / "response.nc"), 24
+    decayed = np.exp(-truth.damping[0] * truth.omega[0] * float(data["segment"]))
+    missing = data["blur"][0, marker] / np.abs(truth.receptance(data["frequency"].values)[marker])
+    near = np.abs(2 * np.pi * data["frequency"] / truth.omega[0] - 1) < 0.03
+    np.testing.assert_allclose(missing[near], decayed, rtol=0.1)
     apart, error = off(data, truth, int(data["drive"]) - 1)
     assert 0.9 < np.median(np.abs(apart / error)) < 1.7  # of two normal parts it is 1.2
     assert np.min(error) < 0.01

@@ -244,10 +244,8 @@ def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         yield make_note("force-clock-drift", ppm=1e6 * abs(fast), way=way)
     if (share := float(data["beyond"])) > NOTE_LIMITS["force-too-fast"]:
         yield make_note("force-too-fast", share=share)
-    if many == 1:
-        yield from _check_ringing(data, manifest)
-    else:
-        yield from _check_segments(data)
+    yield from _check_length(data, manifest)
+    if many > 1:
         yield from _check_sweep(data, manifest)
 
 
@@ -256,17 +254,6 @@ def _peak(data: xr.Dataset) -> tuple[float, float]:
     size = np.sqrt(np.nanmean(np.abs(complex_of(data, "receptance")[0]) ** 2, axis=0))
     top = int(np.argmax(size))
     return float(data["frequency"].values[top]), float(size[top])
-
-
-def _check_ringing(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
-    """Report a single segment that ends before the motion does, unless its end is noise."""
-    top, _ = _peak(data)
-    zeta = manifest.structure.damping
-    last = data["displacement"].values[-(data.sizes["time"] // 8) :]
-    noisy = np.nanstd(last) < 2 * np.sqrt(np.nanmean(data["noise"].values ** 2))
-    if (left := float(data["ringing"])) > NOTE_LIMITS["still-ringing"] and not noisy:
-        seconds = SETTLING_TIME_CONSTANTS / (2 * np.pi * zeta * top)
-        yield make_note("still-ringing", left=left, seconds=seconds, hertz=top, damping=100 * zeta)
 
 
 def _check_sweep(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
@@ -283,19 +270,21 @@ def _check_sweep(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         yield make_note("sweep-fast", hertz=top, stays=stays, needs=needs, **sweep)
 
 
-def _check_segments(data: xr.Dataset) -> Iterator[Note]:
-    """Report a peak whose error by the segment length exceeds that by noise."""
+def _check_length(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
+    """Report a peak whose error by the length of the segments exceeds that by noise."""
     top, size = _peak(data)
     own = data.sel(estimator="H1", frequency=top)
     blur, error = (np.sqrt(np.nanmean(own[k].values ** 2)) for k in ("blur", "standard_error"))
     noise = np.sqrt(error**2 - blur**2)
-    if blur > noise:
-        seconds, share = float(data["segment"]), blur / (size + blur)
-        yield make_note(
-            "segment-short",
-            segment=seconds,
-            hertz=top,
-            how="much" if share > MAX_BLUR else f"by about {share:.1%}",
-            noise=noise / size,
-            longer=seconds * (blur / max(noise, 1e-3 * size)) ** 0.4,  # blur ~ T⁻², noise ~ √T
-        )
+    if not blur > noise:
+        return
+    known = {"hertz": top, "noise": noise / size}
+    if int(data["segments"]) == 1:
+        rate = 2 * np.pi * (zeta := manifest.structure.damping) * top
+        known |= {"left": float(data["ringing"]), "share": blur / size, "damping": 100 * zeta}
+        yield make_note("still-ringing", longer=np.log(blur / noise) / rate, **known)
+        return
+    seconds, share = float(data["segment"]), blur / (size + blur)
+    longer = seconds * (blur / max(noise, 1e-3 * size)) ** 0.4  # blur ~ T⁻², noise ~ √T
+    how = "much" if share > MAX_BLUR else f"by about {share:.1%}"
+    yield make_note("segment-short", segment=seconds, how=how, longer=longer, **known)

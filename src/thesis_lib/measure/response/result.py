@@ -13,7 +13,8 @@ and its magnitude varies by γ² v only: the mean over both parts is (1 + γ²) 
 about the expectation of each estimator, its bias by noise included.
 
 The spectrum of a Hann window adds a sixth of each line's power to either neighbour, which blurs
-narrow resonances. A rough and noisy deconvolution serves to estimate the size of this bias.
+narrow resonances. A rough and noisy deconvolution serves to estimate the size of this bias. A whole
+recording lacks the motion after its end, which is extrapolated to estimate the size of this bias.
 """
 
 from collections.abc import Sequence
@@ -42,6 +43,9 @@ HANN_SHARE = 1 / 6  # share of a line's power that a Hann window adds to each ne
 #: and S = 1 + 8/9 cos θ + cos 2θ / 18 of the noise of overlapping lines
 BLUR_BY_NOISE = 0.62
 RECORDING_PARTS = 8  # default segment lengths in a random recording, and parts to check ringing
+END_PARTS = 32  # parts of a recording whose last two are compared if its force never ends
+FREE_FORCE_RATIO = 0.05  # of the largest force, below which motion counts as free
+MIN_TAIL_POWER_RATIO = 2.0  # power at the end over the noise: few markers reach 2 by chance
 MAX_FORCE_RATE_RATIO = 8  # largest sample rate of the force over that of the motion
 REPEATED_AFTER = 5  # frames after which gaps are inserted again: by then, most gaps have ended
 GAP_LINES = 25  # lines over which a power is averaged, for a relative error of a fifth
@@ -99,14 +103,14 @@ def segment_spectra(values: Array, cut: Cut, finer: int = 1) -> ComplexArray:
 
 
 def receptance_of_segments(
-    force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array
+    force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array, tail: Array | float = 0.0
 ) -> dict[str, Array]:
     """Estimate receptance and mobility from spectra of segments, under names of :data:`VARIABLES`.
 
     Spectra of the force are (lines, segments) in N/√Hz; those of the motion (lines, segments,
     markers) in m/√Hz, NaN in segments in which a marker is lost. `noise`, (markers,) or (lines,
     markers), is the noise power of the motion in m²/Hz, which determines the standard error if
-    there is only one segment. The coherence of one segment is 1.
+    there is only one segment, with `tail` of :func:`estimate_tail`. The coherence of one is 1.
     """
     known = np.isfinite(moved).all(axis=0)  # (segments, markers)
     X = np.where(known, moved, 0.0)
@@ -123,7 +127,7 @@ def receptance_of_segments(
         relative[2] *= (1 + coherence) / 2
         alone = noise / (2 * ff * averages)
         scatter = np.where(count > 1, relative * np.abs(whole) ** 2, alone)
-    blur = np.zeros(whole.shape)
+        blur = np.tile(tail / np.sqrt(ff), (3, 1, 1))
     if cut.count > 1:
         squares = np.abs(estimate_blur(first)) ** 2 - BLUR_BY_NOISE * scatter
         blur = np.sqrt(np.maximum(squares, 0))
@@ -156,6 +160,26 @@ def estimate_blur(receptance: ComplexArray) -> ComplexArray:
         second = power / receptance.conj()
     middle = np.sqrt(power) * np.exp(1j * np.angle(receptance))
     return np.array([receptance, second, middle]) - sharp
+
+
+def estimate_tail(moved: Array, cut: Cut, noise: Array, free: int) -> Array:
+    """Estimate magnitudes of the spectra of the motion after a whole recording, (lines, markers).
+
+    `moved` is (samples, markers) in m, `free` samples of it after the force. Over a time τ free
+    motion changes by r = exp(λτ − iωτ) at every line. Two equal parts at the end yield r, by least
+    squares over the markers; all later ones sum to r / (1 − r) of the last, and to no more than if
+    it lasted for the recording again. Lines that noise of the power `noise`, m²/Hz, explains are 0.
+    """
+    length = int(np.clip(free // 2, cut.length // END_PARTS, cut.length // RECORDING_PARTS))
+    part = np.arange(cut.length)[::-1, None] // max(length, 1)
+    first, last = (
+        segment_spectra(np.where(part == k, moved[: cut.length], 0.0), cut)[:, 0] for k in (1, 0)
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        r = np.nansum(last * first.conj(), axis=1) / np.nansum(np.abs(first) ** 2, axis=1)
+    share, size = length / cut.length, np.abs(last)
+    loud = np.nansum(size**2, axis=1) > MIN_TAIL_POWER_RATIO * share * np.nansum(noise, axis=-1)
+    return size * np.where(loud, np.abs(r) / np.maximum(np.abs(1 - r), share), 0.0)[:, None]
 
 
 def estimate_response(
@@ -213,7 +237,10 @@ def estimate_response(
         power = np.abs(segment_spectra(again - moved, cut)[:, 0]) ** 2
         noise = noise + scipy.ndimage.uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest")
     unknown = np.isnan(checked).mean(axis=0)
-    found = receptance_of_segments(spectra, segment_spectra(checked, cut), cut, noise)
+    driven = np.flatnonzero(np.abs(pushed) >= FREE_FORCE_RATIO * np.abs(pushed).max())
+    free = len(times) - int(driven[-1]) // finer
+    tail = 0.0 if cut.count > 1 else estimate_tail(moved, cut, noise, free)
+    found = receptance_of_segments(spectra, segment_spectra(checked, cut), cut, noise, tail)
     if not found["averages"].any():
         raise ForceError(
             f"force.segment_s: in each of {cut.count} segments of {cut.length / rate:.3g} s every "
