@@ -390,8 +390,8 @@ def test_nothing_of_a_steady_sine_is_said_of_a_receptance():
     ("places", "line"),
     [
         ({"cameras__0__f_number": None}, "depth of field of camera A: give f_number"),
-        ({"cameras__0__azimuth_deg": None, "cameras__1__azimuth_deg": None},
-         "view, errors and depth of field of cameras A and B: give azimuth_deg"),
+        ({f"cameras__{k}__azimuth_deg": None for k in range(4)},
+         "view, errors and depth of field of cameras A, B, C and D: give azimuth_deg"),
         ({"excitation__frequency_hz": None},
          "frame rate, exposure, blur and movement: give excitation.frequency_hz"),
         ({"excitation__sound": "room"}, "a clap: no field shows whether every sound track has one"),
@@ -402,8 +402,12 @@ def test_nothing_of_a_steady_sine_is_said_of_a_receptance():
 def test_what_is_missing_is_said(places, line):
     assessment = assessed(change(rig(), **places))
     assert line in assessment.unknown
-    assert f"not checked: {line}" in joined(assess.describe_assessment(assessment))
+    said = assess.describe_assessment(assessment)
+    assert f"not checked: {line}" in joined(said)
     assert assessment.warnings == ()
+    rows = [one.split() for one in said if one[:2] in ("A ", "B ", "C ", "D ")]
+    assert all({*column} != {"-"} for column in zip(*rows, strict=True))
+    assert not [one for one in said if one.endswith(" -") and one.startswith("  ")]
 
 
 def test_cameras_without_a_place_do_not_count():

@@ -36,7 +36,20 @@ MAX_HIGHER_MODES = 3  # natural frequencies above the driven one: those that rin
 MAX_MODES = 100  # natural frequencies searched for these
 MIN_MODE_RATIO = 1.2  # of the driven frequency; natural ones above it are of other modes
 TEXT_COLUMNS = 100
-TABLE_HEADER = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
+COLUMNS = {  # of the table, with their meanings
+    "camera": "",
+    "mm/px": "length that a pixel spans on the structure",
+    "size px": "axes of a marker's image",
+    "gap px": "least room between two",
+    "motion px": "most that deflection moves an image",
+    "blur px": "most that an image moves in an exposure",
+    "lost": "amplitude that exposure takes",
+    "sharp mm": "depths in focus",
+    "depths mm": "those of the markers",
+    "view": "markers that stay in the image",
+    "spacings": "most that a marker moves from frame to frame, in spacings of markers",
+}
+UNKNOWN = "-"
 
 
 @dataclass(frozen=True)
@@ -326,8 +339,8 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
 
 
 def describe_assessment(assessment: Assessment) -> list[str]:
-    """Format an assessment as lines: tables, then warnings, then unknowns."""
-    rows = [TABLE_HEADER.split(",")] + [
+    """Format an assessment as lines: what is known of the tables, then warnings, then unknowns."""
+    rows = [
         [
             one.name,
             _format_known(one.ground_sample_mm),
@@ -343,15 +356,15 @@ def describe_assessment(assessment: Assessment) -> list[str]:
         ]
         for one in assessment.table
     ]
-    widest, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
-    table = [
-        "  ".join([name.ljust(widest), *map(str.rjust, cells, widths)]) for name, *cells in rows
-    ]
+    columns = [own for own in zip(COLUMNS, *rows, strict=True) if {*own[1:]} != {UNKNOWN}]
+    names, *others = ([cell.rjust(max(map(len, own))) for cell in own] for own in columns)
+    left = [name.strip().ljust(len(name)) for name in names]
     wrapper = textwrap.TextWrapper(TEXT_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
     text = render(
         __file__,
         "assessment.txt.j2",
-        table="\n".join(table),
+        table=["  ".join(line) for line in zip(left, *others, strict=True)] if others else [],
+        legend="; ".join(f"{name.split()[0]}: {COLUMNS[name]}" for name, *_ in columns[1:]),
         rig=assessment.rig,
         has_fit=assessment.verdict.result != "response",
         warnings=_group_warnings(assessment).items(),
@@ -389,8 +402,8 @@ def format_error_share(share: float) -> str:
 
 
 def _format_known(value: float, form: str = ".3g") -> str:
-    return "-" if np.isnan(value) else format(value, form)
+    return UNKNOWN if np.isnan(value) else format(value, form)
 
 
 def _format_pair(low: float, high: float, between: str = "-", form: str = ".0f") -> str:
-    return between.join(format(v, form) for v in (low, high) if not np.isnan(v)) or "-"
+    return between.join(format(v, form) for v in (low, high) if not np.isnan(v)) or UNKNOWN
