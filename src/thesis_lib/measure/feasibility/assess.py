@@ -41,13 +41,13 @@ COLUMNS = {  # of the table, with their meanings
     "mm/px": "length that a pixel spans on the structure",
     "size px": "axes of a marker's image",
     "gap px": "least room between two",
-    "motion px": "most that deflection moves an image",
-    "blur px": "most that an image moves in an exposure",
+    "motion px": "largest motion of an image",
+    "blur px": "largest motion in an exposure",
     "lost": "amplitude that exposure takes",
     "sharp mm": "depths in focus",
     "depths mm": "those of the markers",
     "view": "markers that stay in the image",
-    "spacings": "most that a marker moves from frame to frame, in spacings of markers",
+    "spacings": "largest motion of a marker from frame to frame, in spacings of markers",
 }
 UNKNOWN = "-"
 
