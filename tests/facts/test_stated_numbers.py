@@ -3,7 +3,7 @@
 And the statements that exclude each other: the arithmetic is done again from the rows themselves.
 """
 
-import csv
+from functools import partial
 from itertools import combinations, product
 from math import acos, asin, atan, cos, cosh, degrees, inf, pi, radians, sin, sqrt, tan
 
@@ -61,13 +61,12 @@ def test_these_and_no_others_differ_from_what_is_printed():
 
 
 def test_angles_of_view(conforms):
+    hold = partial(conforms.independent, rtol=1e-6)
     for size in (24, 36, 43):  # half the side subtends half the angle
-        conforms.independent(tan(angle_of_view(size, 50) / 2) * 100, size, rtol=1e-6)
-    conforms.independent(angle_of_view(2, 1), pi / 2, rtol=1e-6)
-    conforms.independent(
-        value("view-diagonal"), degrees(2 * atan(sqrt(36**2 + 24**2) / 100)), rtol=1e-6
-    )
-    conforms.independent(degrees(angle_of_view(36, value("view-lens"))), 39.6, rtol=1e-6)
+        hold(tan(angle_of_view(size, 50) / 2) * 100, size)
+    hold(angle_of_view(2, 1), pi / 2)
+    hold(value("view-diagonal"), degrees(2 * atan(sqrt(36**2 + 24**2) / 100)))
+    hold(degrees(angle_of_view(36, value("view-lens"))), 39.6)
     conforms.independent(degrees(angle_of_view(24, 17.14)), 70, atol=0.01)  # what 70° would need
 
 
@@ -87,9 +86,8 @@ def test_resonance_and_tip_by_hand(conforms):
     )  # fmt: skip
     kl = value("root-1")
     natural = (kl / length) ** 2 * sqrt(modulus / 12 / density) * thickness
-    conforms.independent(
-        value("resonance"), natural * sqrt(1 - 2 * damping**2) / (2 * pi), rtol=1e-6
-    )
+    resonance = natural * sqrt(1 - 2 * damping**2) / (2 * pi)
+    conforms.independent(value("resonance"), resonance, rtol=1e-6)
     k = kl / length
     sigma = (np.sinh(kl) - sin(kl)) / (cosh(kl) + cos(kl))
     shape = cosh(k * at) - cos(k * at) - sigma * (np.sinh(k * at) - sin(k * at))
@@ -113,15 +111,12 @@ def test_angles_between_optical_axes(conforms):
         s, c = sin(radians(elevation)), cos(radians(elevation))
         return degrees(acos(s * s + c * c * cos(radians(2 * half))))
 
-    conforms.independent(value("axes-1"), between(30, 25), rtol=1e-6)
-    conforms.independent(value("axes-2a-160"), between(80, 10), rtol=1e-6)
-    conforms.independent(
-        value("axes-rig"), degrees(2 * asin(cos(radians(22)) * sin(radians(10)))), rtol=1e-6
-    )
+    hold = partial(conforms.independent, rtol=1e-6)
+    hold(value("axes-1"), between(30, 25))
+    hold(value("axes-2a-160"), between(80, 10))
+    hold(value("axes-rig"), degrees(2 * asin(cos(radians(22)) * sin(radians(10)))))
     for elevation in (5, 20, 40, 60):
-        conforms.independent(
-            value(f"aperture-2b-{180 - 2 * elevation}"), 180 - 2 * elevation, rtol=1e-6
-        )
+        hold(value(f"aperture-2b-{180 - 2 * elevation}"), 180 - 2 * elevation)
 
 
 def test_counts():
@@ -145,22 +140,18 @@ def test_only_opposite_pairs_on_an_axis_mirror_each_other():
 # -- Statements that exclude each other --
 
 
-with (setups.data_folder() / "claims.csv").open(encoding="utf-8", newline="") as file:
-    CLAIMS = {row["id"]: row for row in csv.DictReader(file)}
+CLAIMS = stated_numbers.read_claims()
 MARKERS = 25
 NEARLY = 0.9  # of the bound, that the rms of the other markers would have to reach
 
 
 def bounds(claim):
     """What is rounded to the stated value or lies within the stated bound, in %."""
-    low, high = (
-        float(text) + sign * 0.5 * 10.0 ** -len(text.partition(".")[2])
-        for text, sign in ((claim["low"], -1), (claim["high"], 1))
-    )
-    if claim["relation"] == "less_than":
-        high = float(claim["high"])
-    upper = claim["relation"] in ("max", "less_than")
-    return 0.0 if upper else low, inf if claim["relation"] == "min" else high
+    low, high = claim.low - claim.rounding[0], claim.high + claim.rounding[1]
+    if claim.relation == "less_than":
+        high = claim.high
+    upper = claim.relation in ("max", "less_than")
+    return 0.0 if upper else low, inf if claim.relation == "min" else high
 
 
 def common(claims):
@@ -176,10 +167,10 @@ def infeasible(claim, others):
     it is at most √((24 R² + T²)/25), and at least T/5.
     """
     claims = [claim, *others]
-    mean = common([c for c in claims if c["quantity"] == "mean_error"])
-    peaks = [c for c in claims if c["quantity"] == "max_point_error"]
-    top = common([c for c in peaks if c["excepted"] == "0"])
-    rest = common([c for c in peaks if c["excepted"] == "1"])
+    mean = common([c for c in claims if c.quantity == "mean_error"])
+    peaks = [c for c in claims if c.quantity == "max_point_error"]
+    top = common([c for c in peaks if c.excepted == 0])
+    rest = common([c for c in peaks if c.excepted == 1])
     rest = rest[0], min(rest[1], top[1])
     if any(low > high for low, high in (mean, top, rest)):
         return "excluded"
@@ -195,14 +186,11 @@ def infeasible(claim, others):
     return "nearly" if needed > NEARLY * rest[1] else ""
 
 
-CONFLICTING = [name for name, claim in CLAIMS.items() if claim["conflicts"]]
-
-
 def test_no_conflict_within_a_setup_is_left_out():
     settings = {}
-    for claim in CLAIMS.values():
+    for claim in CLAIMS:
         for place in places(claim):
-            settings.setdefault((*place, claim["mode"]), []).append(claim)
+            settings.setdefault((*place, claim.mode), []).append(claim)
     found = set()
     for made in settings.values():
         for number in (2, 3):
@@ -211,20 +199,19 @@ def test_no_conflict_within_a_setup_is_left_out():
                 if infeasible(group[0], group[1:]) and not any(
                     infeasible(g[0], g[1:]) for g in smaller
                 ):
-                    found.add(frozenset(claim["id"] for claim in group))
+                    found.add(frozenset(claim.id for claim in group))
                     nearly = infeasible(group[0], group[1:]) == "nearly"
-                    assert group[0]["conflict_why"].startswith("nearly: ") == nearly
-    stated = {frozenset([n, *CLAIMS[n]["conflicts"].split(";")]) for n in CONFLICTING}
+                    assert group[0].conflict_why.startswith("nearly: ") == nearly
+    stated = {frozenset([claim.id, *claim.conflicts]) for claim in CLAIMS if claim.conflicts}
     assert found == stated
 
 
 def places(claim):
     """Cameras, distances and pixels of the beam's settings that a claim speaks of."""
-    if not claim["figure_set"].startswith("beam-"):
+    if not claim.figure_set.startswith("beam-"):
         return []
-    values = claim["value"].split(";")
     return [
         (s.distance_mm, frozenset((a % 360, e) for a, e in s.directions_deg), s.resolution_px)
-        for s in validate_request(claim["figure_set"], {}).settings()
-        if s.case == claim["case"] and (values == ["all"] or s.value in map(float, values))
+        for s in validate_request(claim.figure_set, {}).settings()
+        if s.case == claim.case and (not claim.values or s.value in claim.values)
     ]
