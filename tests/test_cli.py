@@ -130,7 +130,6 @@ def test_claims_as_json_has_every_claim_once():
         (["run", "beam-distance", "-p", "cube=a.nc"], ["cube", "--out"]),
         (["run", "ch3", "-p", "azimut_deg=1"], ["no parameter azimut_deg", "mean azimuth_deg?"]),
         (["run", "ch3", "-p", "widths_px=[1]"], ["beam-resolution: widths_px[0]: given 1", "px"]),
-        (["run", "beam-distance", "-p", "azimuth_deg=NaN"], ["azimuth_deg: given NaN", "°"]),
         (["run", "beam-distance", "-p", f"trials={'9' * 5000}"], ["trials: given", "whole"]),
         (["run", "claims", "-p", 'readings=["51 mm lens"]'], ["51 mm lens", "rest known"]),
         (["plan", "--out", "x" * 300], ["--out", "xxx"]),
@@ -324,9 +323,7 @@ def test_compare_shows_what_differs(ran, tmp_path):
 def test_compare_refuses_what_is_not_a_cube(ran, tmp_path):
     cube = ran[0] / "beam-distance.nc"
     (tmp_path / "text.nc").write_text("not netCDF at all")
-    (tmp_path / "cut.nc").write_bytes(cube.read_bytes()[:2000])
-    for name in ("text", "cut", "missing"):
-        bad = f"{name}.nc"
-        assert f"{bad}: " in refused(tmp_path, "compare", bad)
+    for name in ("text.nc", "missing.nc"):
+        assert f"{name}: " in refused(tmp_path, "compare", name)
     assert "text.nc: " in refused(tmp_path, "compare", cube, "text.nc")
     assert "A.nc" in refused(tmp_path, "compare")
