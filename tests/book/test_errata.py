@@ -9,10 +9,6 @@ import pytest
 BOOK = Path(__file__).parents[2] / "book"
 PAGE = BOOK / "errata.md"
 TEXT = PAGE.read_text(encoding="utf-8")
-ITEM = re.compile(
-    r"^\(errata-([aebc]\d+)\)=\n### (\w+)\. ([^\n]+)\n(.*?)(?=^\(errata-|\Z)", re.M | re.S
-)
-ITEMS = ITEM.findall(TEXT)
 
 
 @pytest.mark.slow
@@ -33,9 +29,9 @@ def test_code_prints_what_the_page_says():
 
 
 def test_table_counts_the_items():
+    items = re.findall(r"^\(errata-([aebc])\d+\)=\n### .*?(\(open\))?$", TEXT, re.M)
     stated = re.findall(r"^\| (\w)\. .*?\| (\d+) \| (\d+) \|$", TEXT, re.M)
-    for group, items, unsettled in stated:
-        titles = [title for _, label, title, _ in ITEMS if label[0] == group]
-        assert len(titles) == int(items), group
-        assert sum(title.endswith("(open)") for title in titles) == int(unsettled), group
     assert len(stated) == 4
+    for group, number, unsettled in stated:
+        marks = [mark for name, mark in items if name == group.lower()]
+        assert (len(marks), len([*filter(None, marks)])) == (int(number), int(unsettled)), group
