@@ -66,10 +66,8 @@ def truth(measured, recordings, steps, rig):
 
 
 def contents(folder):
-    return sorted(
-        (str(path.relative_to(folder)), path.stat().st_size, path.stat().st_mtime_ns)
-        for path in folder.rglob("*")
-    )
+    found = {path: path.stat() for path in folder.rglob("*")}
+    return {path: (status.st_size, status.st_mtime_ns) for path, status in found.items()}
 
 
 # The rig.
