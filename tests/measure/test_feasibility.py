@@ -175,6 +175,7 @@ def test_errors_are_those_of_noisy_images(conforms):
     )
     assert np.isnan(partly[1])
     conforms.invariance(partly[2:], predicted[2:], rtol=1e-7)
+    assert np.isinf(predict_noise_errors(P[[0, 0]], some, sigma[:2], every[:2])).all()
 
 
 def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):

@@ -1,23 +1,16 @@
-"""The measurement of estimators: refinement at equal and unequal distances, laws, repeatability."""
+"""The measurement of estimators: refinement at equal and unequal distances, repeatability."""
 
 import numpy as np
 import pytest
 
-from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.simulation import (
     CHECK_SIZE_PX,
     ESTIMATORS,
     deflection_errors,
-    random_hemisphere,
     rms_over_layouts,
 )
-from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 LINEAR, REFINED = (ESTIMATORS.index(name) for name in ("linear", "least-squares"))
-
-
-def cameras(distances, seed=0):
-    return random_hemisphere(np.random.default_rng(seed), distances)
 
 
 # Micrometres of an independent prototype: linear, refined; nothing at equal distances. It did not
@@ -36,15 +29,6 @@ def test_refinement_pays_where_distances_differ(conforms):
 def test_refinement_gains_nothing_at_equal_distances(conforms):
     errors = np.median(deflection_errors([0.75] * 4, layouts=200), axis=0)
     conforms.sampled(errors[REFINED] / errors[LINEAR], 1, atol=0.01)
-
-
-@pytest.mark.parametrize("distances", [[0.75] * 4, [0.3, 0.3, 3, 3]])
-def test_the_gain_predicts_the_scatter_by_noise(conforms, distances):
-    P, sigma = cameras(distances).P, 0.05
-    exact = project(P, np.zeros(3))[:, :, None]
-    noisy = exact + np.random.default_rng(3).normal(0, sigma, (4, 2, 100_000))
-    expected = sigma * np.sqrt(np.sum(triangulation_gain(P, np.zeros(3)) ** 2, axis=(1, 2)))
-    conforms.sampled(np.std(triangulate(P, noisy), axis=1), expected, rtol=0.02)
 
 
 def test_layouts_do_not_depend_on_how_many_there_are_or_on_noise(conforms):

@@ -152,3 +152,10 @@ def test_covariance_is_that_of_sampled_noise(conforms, rig):
     deviations = np.sqrt(np.diag(expected))
     relative = (sampled - expected) / np.outer(deviations, deviations)
     conforms.sampled(np.max(np.abs(relative)), below=0.05)
+
+
+def test_one_place_determines_no_point():
+    here = pair(azimuth=0.0)
+    assert np.isnan(point_covariance(here.P, box())).all()
+    with pytest.raises(ValueError, match="2 or more cameras"):
+        point_covariance(here.P[:1], box())

@@ -162,11 +162,7 @@ def place_information(scene: Scene, places: Array) -> Array:
 
 def normal_variances(total: Array) -> Array:
     """Return (M⁻¹)_zz from information (6, ...); infinite if M is singular."""
-    xx, xy, xz, yy, yz, zz = total
-    minor = xx * yy - xy**2
-    determinant = zz * minor - (yy * xz**2 - 2 * xy * xz * yz + xx * yz**2)
-    scale = np.maximum(xx + yy + zz, np.finfo(float).tiny)
-    regular = determinant > 1e-12 * (scale * scale * scale)  # scale**3 takes longer than all this
+    minor, determinant, regular = triangulation.expand_determinant(total)
     return np.divide(minor, determinant, out=np.full(minor.shape, np.inf), where=regular)
 
 

@@ -15,7 +15,7 @@ Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 
 import numpy as np
 
-from thesis_lib.arrays import Array, ArrayLike
+from thesis_lib.arrays import Array, ArrayLike, Mask
 
 UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Most points, and camera × point values, per block. From some 28,000 values on they exceed the 1 MB
@@ -24,6 +24,9 @@ _BLOCK_POINTS, _BLOCK_VALUES = 6000, 24000
 _COLUMNS = 8  # points that BLAS multiplies at a time: blocks begin at multiples of them
 # Motion over depth in a step below which JᵀJ is reused: its change is of second order
 _MAX_FIXED_MOTION = 1e-5
+# Determinant over cubed trace up to which a normal matrix counts as singular: of two rays at an
+# angle of 6 µrad. Round-off gives 1e-16 to those in one line
+_MAX_SINGULAR_RATIO = 1e-12
 
 
 def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
@@ -63,12 +66,18 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
 
 def check_arrays(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
     """Return both as arrays of floats; raise ValueError for a wrong shape."""
-    P, uv = np.asarray(P, float), np.asarray(uv, float)
-    if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
-        raise ValueError(f"P: given shape {P.shape}, needs (cameras, 3, 4) with 2 or more cameras")
+    P, uv = _check_cameras(P), np.asarray(uv, float)
     if uv.shape[:2] != (len(P), 2):
         raise ValueError(f"uv: given shape {uv.shape}, needs ({len(P)}, 2, ...) to match P")
     return P, uv
+
+
+def _check_cameras(P: ArrayLike) -> Array:
+    """Return projection matrices as an array; raise ValueError for fewer than two."""
+    P = np.asarray(P, float)
+    if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
+        raise ValueError(f"P: given shape {P.shape}, needs (cameras, 3, 4) with 2 or more cameras")
+    return P
 
 
 def check_frames(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
@@ -97,15 +106,33 @@ def image_jacobian(P: ArrayLike, points: ArrayLike) -> Array:
 def triangulation_gain(P: ArrayLike, points: ArrayLike) -> Array:
     """Return the first-order response of the refined point to its image coordinates, (JᵀJ)⁻¹Jᵀ.
 
-    `P` and `points` are as for :func:`image_jacobian`, the result is ∂(X, Y, Z)/∂(u, v) in m/px,
-    shape (3, cameras, 2, ...).
+    `P` and `points` are as for :func:`image_jacobian`, of two cameras or more; the result is
+    ∂(X, Y, Z)/∂(u, v) in m/px, shape (3, cameras, 2, ...), and NaN where all rays to a point are
+    in one line.
     """
-    J = image_jacobian(P, points)
+    J = image_jacobian(_check_cameras(P), points)
     trailing = J.shape[3:]
     rows = np.moveaxis(J.reshape(2 * len(J), 3, -1), 2, 0)
     columns = np.swapaxes(rows, 1, 2)
-    G = np.moveaxis(np.linalg.solve(columns @ rows, columns), 0, 2)
-    return np.asarray(G, float).reshape((3, len(J), 2) + trailing)
+    normal = columns @ rows
+    _, _, regular = expand_determinant(normal.T[UPPER_INDICES])
+    normal[~regular] = np.eye(3)  # LAPACK may stop at zeros or NaN
+    G = np.linalg.solve(normal, columns)
+    G[~regular] = np.nan
+    return np.asarray(np.moveaxis(G, 0, 2), float).reshape((3, len(J), 2) + trailing)
+
+
+def expand_determinant(matrix: Array) -> tuple[Array, Array, Mask]:
+    """Return minor xx·yy − xy², determinant, and whether it is regular, of each symmetric matrix.
+
+    `matrix` holds upper triangles (6, ...).
+    """
+    xx, xy, xz, yy, yz, zz = matrix
+    minor = xx * yy - xy**2
+    determinant = zz * minor - (yy * xz**2 - 2 * xy * xz * yz + xx * yz**2)
+    trace = xx + yy + zz
+    # trace**3 takes longer than all this
+    return minor, determinant, determinant > _MAX_SINGULAR_RATIO * (trace * trace * trace)
 
 
 def point_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
@@ -123,7 +150,7 @@ def point_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> 
     Returns
     -------
     ndarray, shape (3, 3, ...)
-        Covariance in m².
+        Covariance in m², NaN where all rays to a point are in one line.
     """
     G = triangulation_gain(P, points)
     return sigma_px**2 * np.einsum("ick...,jck...->ij...", G, G)

@@ -267,10 +267,8 @@ def _errors_by_view(variance: Callable[[Mask, Array], Array], points: Array, see
     """Return errors by the cameras that see a point; infinite where these are in line with it."""
     result = np.full(points.shape[1], np.nan)
     for on, where in group_visible(seen):
-        try:
-            result[where] = np.sqrt(variance(on, points[:, where]))
-        except np.linalg.LinAlgError:
-            result[where] = np.inf
+        each = np.sqrt(variance(on, points[:, where]))
+        result[where] = np.where(np.isnan(each), np.inf, each)
     return result
 
 
