@@ -6,6 +6,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from pydantic import create_model
 from refused import line_of, refusal
 from scenes.changes import OWN_CHANGES, PAIR
 
@@ -13,8 +14,8 @@ from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook.new_set import parameter_cell
-from thesis_lib.planning.request import PlanRequest
-from thesis_lib.studies.fields import Azimuth, unit_of_field
+from thesis_lib.planning.request import PlanRequest, plan_request
+from thesis_lib.studies.fields import Azimuth, Real, unit_of_field
 from thesis_lib.studies.request import ParameterError, describe_parameters
 from thesis_lib.web.html import read_asset
 
@@ -55,20 +56,20 @@ BAD = [
     (DISTANCE, "distances_mm", [], "", "[]"),
     (DISTANCE, "distances_mm", 500, "", "500"),
     (DISTANCE, "distances_mm", [500, "750"], "[1]", '"750"'),
-    (DISTANCE, "distances_mm", [500, 750, 500.0], "", "[500.0, 750.0, 500.0]"),
+    (DISTANCE, "distances_mm", [500, 750, 500.0], "", "[500, 750, 500.0]"),
     (DISTANCE, "resolution_px", [320], "", "[320]"),
     (DISTANCE, "trials", 2.0, "", "2.0"),
     (DISTANCE, "seed", 2**63, "", "9223372036854775808"),
     (DISTANCE, "amplitude_mm", [5.5, -1, 2], "", "[5.5, -1, 2]"),
     (DISTANCE, "rest", "rebuild", "", '"rebuild"'),
     (DISTANCE, "cube", "out.txt", "", '"out.txt"'),
-    (ARRAYS, "cases", ["4a'", "4a′"], "", """["4a'", "4a'"]"""),
+    (ARRAYS, "cases", ["4a'", "4a′"], "", """["4a'", "4a′"]"""),
     (ARRAYS, "pair_order", {"4b": "forwards"}, '["4b"]', '"forwards"'),
     (ARRAYS, "layouts", {"mine": [[[80, 10], [361, 9]]]}, '["mine"][0][1][0]', "361"),
     (ARRAYS, "layouts", {" x": [PAIR]}, '[" x"]', '" x"'),
     (PLATE, "grid", [1, 10], "[0]", "1"),
     (SHAPE, "outline_mm", [[0, 0], [500, NAN], [500, 1]], "[1][1]", "NaN"),
-    (SHAPE, "outline_mm", [[0, 0], [9, 0], [0, 0]], "", "[[0.0, 0.0], [9.0, 0.0], [0.0, 0.0]]"),
+    (SHAPE, "outline_mm", [[0, 0], [9, 0], [0, 0]], "", "[[0, 0], [9, 0], [0, 0]]"),
     (SHAPE, "cutouts_mm", [[[100, 100], [120, 100]]], "[0]", "[[100, 100], [120, 100]]"),
 ]
 
@@ -144,6 +145,9 @@ def test_what_is_meant_is_accepted():
     assert ints == validate_request(DISTANCE, floats)
     assert [type(d) for d in ints.distances_mm] == [float, float]
     assert validate_request(DISTANCE, {"amplitude_mm": [5, 5.0, 5]}).peaks_m == [0.005] * 3
+    assert plan_request({"prices": [100, 100, 200, 200]}).prices == [100, 100, 200, 200]
+    own = create_model("Own", __base__=STUDIES[DISTANCE], matrix=(list[list[Real]], [[1.0]] * 2))
+    assert own().matrix == [[1.0], [1.0]]
     primed, straight = (validate_request(ARRAYS, {"cases": [case]}) for case in ("4a′", "4a'"))
     assert primed == straight
     turned = validate_request(ARRAYS, {"pair_order": {"4a′": "reversed"}})

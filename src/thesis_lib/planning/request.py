@@ -81,12 +81,12 @@ class PlanRequest(Study):
     """least and largest azimuth of a camera, from +Y towards +X"""
     elevations_deg: tuple[Rise, Rise] = (5.0, 90.0)
     """least and largest elevation of a camera over the XY plane"""
-    forbidden_boxes_mm: list[Box] = Field([], max_length=50)
+    forbidden_boxes_mm: fields.Distinct[Box] = Field([], max_length=50)
     """boxes in which no camera may stand, in the structure's frame: [x least, x largest, y least, y
     largest, z least, z largest]"""
-    forbidden_spheres_mm: list[Sphere] = Field([], max_length=50)
+    forbidden_spheres_mm: fields.Distinct[Sphere] = Field([], max_length=50)
     """spheres in which no camera may stand, in the structure's frame: [x, y, z, radius]"""
-    forbidden_sectors_deg: list[Sector] = Field([], max_length=50)
+    forbidden_sectors_deg: fields.Distinct[Sector] = Field([], max_length=50)
     """directions in which no camera may stand: [azimuth least, largest, elevation least, largest]
     """
     tilt_deg: Tilt = 75.0

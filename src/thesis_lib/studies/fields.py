@@ -18,7 +18,7 @@ from itertools import groupby, pairwise
 from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
@@ -207,10 +207,10 @@ def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) 
         about = [one for one in inside[1:] if isinstance(one, FieldInfo)]
         if title := next((one.title for one in about if one.title), None):
             return title
-        bounds = [bound for one in about for bound in one.metadata]
+        bounds = [bound for one in inside[1:] for bound in getattr(one, "metadata", [one])]
         return describe_type(inside[0], [*bounds, *limits], several)
     if origin is list or (origin is tuple and inside[-1] is Ellipsis):
-        different = "" if several or origin is tuple else "different "
+        different = "different " if DIFFERENT in limits else ""
         return f"{lists} of {_count(limits)}{different}{describe_type(inside[0], several=True)}"
     if origin is tuple:
         return f"{lists} of {len(inside)}{_items(inside)}"
@@ -246,12 +246,12 @@ def _items(kinds: Sequence[Any]) -> str:
 
 
 def _union(kinds: Sequence[Any], limits: Sequence[Any], several: bool) -> str:
-    """Describe a union of types; lists in it may hold a value twice."""
+    """Describe a union of types."""
     choices = tuple(one for kind in kinds if get_origin(kind) is Literal for one in get_args(kind))
     others = [kind for kind in kinds if kind is not NoneType and get_origin(kind) is not Literal]
     if choices:
         others.append(Literal[choices])
-    words = [describe_type(kind, limits, several).replace(" different ", " ", 1) for kind in others]
+    words = [describe_type(kind, limits, several) for kind in others]
     some = f"{'; '.join(words[:-1])}; or {words[-1]}" if len(words) > 1 else words[0]
     return f"null, or {some}" if NoneType in kinds else some
 
@@ -285,10 +285,21 @@ def _between(limits: Sequence[Any]) -> str:
 # Numbers, choices and positions. Numbers are strict: no text or boolean is accepted.
 
 T = TypeVar("T")
+
+
+def _refuse_repeats(values: list[T]) -> list[T]:
+    """Refuse a list that holds a value twice; its items need not be hashable."""
+    if len(set(map(repr, values))) < len(values):
+        raise ValueError
+    return values
+
+
+DIFFERENT = AfterValidator(_refuse_repeats)
 Real = Annotated[float, Strict()]
 Whole = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
-Several = Annotated[list[T], Field(min_length=1)]
+Distinct = Annotated[list[T], DIFFERENT]
+Several = Annotated[Distinct[T], Field(min_length=1)]
 Positive = Annotated[Real, Field(gt=0, le=1e5)]
 Angle = Annotated[Real, Field(gt=0, lt=90)]
 HalfAperture = Annotated[Real, Field(gt=0, lt=180)]

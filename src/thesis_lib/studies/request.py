@@ -86,14 +86,6 @@ class Study(fields.Fields):
         text = json.dumps([self.name, self.request])  # the order of layouts is part of it
         return hashlib.sha256(text.encode()).hexdigest()[:10]
 
-    @model_validator(mode="after")
-    def _check_lists(self) -> Self:
-        for name in type(self).model_fields:
-            value = getattr(self, name)
-            if isinstance(value, list) and len(set(value)) < len(value) and name != "amplitude_mm":
-                self.refuse(name, fields.describe_permitted(type(self), name))
-        return self
-
 
 AnyStudy = TypeVar("AnyStudy", bound=Study)
 

@@ -4,7 +4,7 @@ from typing import Literal
 
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies.fields import Seed, Shifts
+from thesis_lib.studies.fields import Distinct, Seed, Shifts
 from thesis_lib.studies.request import Study
 
 
@@ -23,7 +23,7 @@ class Claims(Study):
     """random shifts of the pixel grids in the ledger's own runs"""
     seed: Seed = 0
     """seed of the ledger's own runs"""
-    readings: list[Literal[*READINGS]] = [  # type: ignore[valid-type]
+    readings: Distinct[Literal[*READINGS]] = [  # type: ignore[valid-type]
         name for name in READINGS if name != ADOPTED_READING
     ]
     """interpretations of what the thesis leaves open, to compare with the adopted one"""

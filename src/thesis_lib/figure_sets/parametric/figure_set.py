@@ -103,7 +103,7 @@ class Arrays(CameraStudy):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    cases: list[Case] = ["4a", "4a'", "4b", "4c", "4d", "4e"]
+    cases: fields.Distinct[Case] = ["4a", "4a'", "4b", "4c", "4d", "4e"]
     """cases to run"""
     pair_order: dict[Case, Order] = {}
     """order of adding pairs by case, over the default {"4d": "reversed"}"""
@@ -198,14 +198,14 @@ SHAPE_FIELDS = {
 class ShapeMarkers(PlateMarkers):
     """Parameters of a plate of any shape."""
 
-    outline_mm: Annotated[list[Corner], Field(min_length=3, max_length=40)]
+    outline_mm: Annotated[fields.Distinct[Corner], Field(min_length=3, max_length=40)]
     """corners of the outline, one after the other; the least x and the least y are 0"""
     circles_mm: Annotated[
-        list[tuple[Coordinate, Coordinate, fields.Positive]], Field(max_length=20)
+        fields.Distinct[tuple[Coordinate, Coordinate, fields.Positive]], Field(max_length=20)
     ]
     """round holes [x, y, radius] that do not touch"""
     cutouts_mm: Annotated[
-        list[Annotated[tuple[Corner, ...], Field(min_length=3, max_length=40)]],
+        fields.Distinct[Annotated[tuple[Corner, ...], Field(min_length=3, max_length=40)]],
         Field(max_length=10),
     ]
     """holes with corners"""
