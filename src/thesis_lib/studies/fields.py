@@ -298,7 +298,7 @@ DIFFERENT = AfterValidator(_refuse_repeats)
 Real = Annotated[float, Strict()]
 Whole = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
-Distinct = Annotated[list[T], DIFFERENT]
+Distinct = Annotated[list[T], DIFFERENT, Field(json_schema_extra={"uniqueItems": True})]
 Several = Annotated[Distinct[T], Field(min_length=1)]
 Positive = Annotated[Real, Field(gt=0, le=1e5)]
 Angle = Annotated[Real, Field(gt=0, lt=90)]

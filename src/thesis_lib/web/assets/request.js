@@ -57,7 +57,7 @@ function findInObject({ patternProperties, propertyNames, additionalProperties }
 }
 export function judge(field, text) { // the value, or the command's refusal
   const value = parseTyped(field, text), { schema, name, permitted } = field;
-  const differs = () => !schema.items || new Set(value.map(dumps)).size === value.length;
+  const differs = () => !schema.uniqueItems || new Set(value.map(dumps)).size === value.length;
   const fault = findFault(schema, value, name) ?? (differs() ? null : { at: name, given: value });
   return fault ? { problem: `${fault.at}: given ${formatGiven(fault.given)}, ${permitted}` }
     : { value };
