@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 Direction = tuple[float, float]  # azimuth, elevation in degrees
 CENTRES_DEG = {"2a": 0.0, "2c": -90.0}  # middle of the arc at constant elevation
+MIN_CAMERA_ANGLE_RAD = 1e-6  # least angle between directions of two cameras
 OPPOSITE_DEG = {"2b": (90.0, -90.0), "2d": (0.0, 180.0)}  # the two sides of the arc overhead
 
 
@@ -59,6 +60,15 @@ class Setting:
         distance, size = self.distance_mm / 1000, self.resolution_px
         focal_px = focal_length_mm * size[0] / sensor_width_mm
         return hemisphere_cameras(distance, azimuth, elevation, focal_px, size)
+
+    def coincident_cameras(self) -> list[list[Direction]]:
+        """Return the directions of each two cameras that stand at one place."""
+        from thesis_lib.vision.pinhole import hemisphere_directions
+
+        places = hemisphere_directions(*np.radians(self.directions_deg).T)
+        apart = np.linalg.norm(places[:, None] - places, axis=2)
+        pairs = np.argwhere(np.triu(apart < MIN_CAMERA_ANGLE_RAD, k=1))
+        return [[self.directions_deg[camera] for camera in pair] for pair in pairs]
 
 
 def data_folder() -> Path:

@@ -30,6 +30,9 @@ MAX_APPARENT_SHIFT = 0.4  # largest apparent motion over the markers' spacing
 MAX_VIEW_EXTENT = 0.98  # largest offset of the structure from the image centre over half the image
 MIN_MARKER_HEIGHT_PX = 1.0  # least height of a marker's image
 
+# Fields of the cameras' directions; of several that a request has, the first lists the cameras
+DIRECTION_FIELDS = "directions_deg", "azimuths_deg", "azimuth_deg", "cone_deg"
+
 Sizes = tuple[float, float]  # m
 Given = tuple[str, Any]  # a field and its value
 
@@ -177,11 +180,15 @@ def check_frequency(film: Any, share: float) -> None:
 
 
 def check_place(film: Any, extent: Sizes, lift: float, setting: Setting, place: Given) -> None:
-    """Refuse cameras within a structure's reach, or without all of it in their 16:9 images.
+    """Refuse cameras at one place, within a structure's reach, or without all of it in 16:9 images.
 
     The structure's `extent` and largest deflection `lift` are in m; `place` is the field that sets
     the cameras' positions, with its value.
     """
+    for pair in setting.coincident_cameras():
+        field = next(name for name in DIRECTION_FIELDS if name in type(film).model_fields)
+        where = "two cameras at the same place ([azimuth, elevation] in °)"
+        fields.refuse_value(field, pair, f"{where}, allowed: different places")
     near = setting.distance_mm <= 1000 * (math.hypot(*extent) / 2 + lift)
     box = np.array([*extent, 2 * lift]) / 2
     corners = box * list(itertools.product((-1, 1), repeat=3))

@@ -5,12 +5,10 @@ import math
 from collections.abc import Callable
 from typing import Annotated, ClassVar, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.studies import fields, request
-from thesis_lib.vision.pinhole import hemisphere_directions
 from thesis_lib.vision.simulation import LEAST_SQUARES
 
 BEAM_READING = setups.assumed_values("beam")
@@ -104,10 +102,7 @@ class CameraStudy(request.Study):
             if setting.distance_mm <= reach:
                 fields.refuse_value(name, setting.distance_mm, request.distance_limit(reach))
         for setting in settings:
-            directions = hemisphere_directions(*np.radians(setting.directions_deg).T)
-            apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)
-            for pair in np.argwhere(np.triu(apart < 1e-6, k=1)):
-                given = [setting.directions_deg[camera] for camera in pair]
+            for given in setting.coincident_cameras():
                 field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
                 if setting.case in getattr(self, "layouts", {}):
                     field = "layouts"
