@@ -450,20 +450,21 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "said"),
     [
-        ["target_percent=0.0001", "-p", "counts=[2]", "-p", "starts=0"],
-        ["body=plate", "--structure", "nothing.nc"],
-        ["counts=[2]", "--out", "."],
+        (["target_percent=0.0001", "-p", "counts=[2]", "-p", "starts=0"], "target_percent: given"),
+        (["body=plate", "--structure", "nothing.nc"], "given beside --structure"),
+        (["modes=[1]", "--structure", ".", "--out", "made"], "this is a folder, not a file"),
+        (["counts=[2]", "--out", "."], "--out"),
     ],
-    ids=lambda words: words[0],
 )
-def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words):
+def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words, said):
     out = [] if "--out" in words else ["--out", "made"]
     done = thesis("plan", "-p", *words, *out, cwd=tmp_path)
     assert (done.status, done.out) == (2, "")
     *progress, refusal = done.err.splitlines()
     assert refusal.startswith("thesis: ")
+    assert said in refusal
     assert all("camera" in line for line in progress)
     assert not list(tmp_path.iterdir())
 

@@ -182,9 +182,9 @@ def write_plan(
     list of str
         The summary, line by line.
     """
-    check_outputs(folder, [folder / name for name in PLAN_FILES], [structure] if structure else [])
     start = time.perf_counter()
     body = None if structure is None else structure_file.read_body(structure, request.modes)
+    check_outputs(folder, [folder / name for name in PLAN_FILES], [structure] if structure else [])
     made = plan(request, body, tell)
     cube = schema.with_provenance(as_cube(made), request, time.perf_counter() - start)
     file = "" if structure is None else str(structure)

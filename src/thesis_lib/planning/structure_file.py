@@ -83,7 +83,8 @@ def _refusal(path: Path, needed: str) -> StructureFileError:
 
 def _open_table(path: Path) -> xr.Dataset:
     if not path.is_file():  # xarray opens folders and addresses, too
-        raise _refusal(path, f"{NEEDED_FILE}; there is no such file")
+        kind = "this is a folder, not a file" if path.is_dir() else "there is no such file"
+        raise _refusal(path, f"{NEEDED_FILE}; {kind}")
     try:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
             ours = {*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode"}
