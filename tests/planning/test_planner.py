@@ -395,9 +395,9 @@ def test_wrong_requests_are_refused_in_one_line(field, value, words):
 
 
 IMPOSSIBLE = [
-    ({"target_percent": 0.001}, ["target_percent", "resolutions_px and counts", "px across"]),
+    ({"target_percent": 0.001}, ["resolutions_px and counts (it takes more than 20000 px across"]),
     ({"target_percent": 1, "resolutions_px": [[320, 180]], "elevations_deg": [75, 90]},
-     ["elevations_deg=[75.0, 90.0] costs most"]),
+     ["px across); of the limits", "elevations_deg=[75.0, 90.0] costs most"]),
     # 5.55 % by the law, which is below the target, and 5.81 % in the simulation
     ({"target_percent": 5.7, "resolutions_px": [[640, 360]], "distances_mm": [500, 500], "seed": 7},
      ["target_percent: given 5.7 %", "reaches 5.81 %"]),

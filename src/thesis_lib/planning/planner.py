@@ -21,7 +21,8 @@ from thesis_lib.arrays import Array, stack_padded
 from thesis_lib.planning import errors, positions, search, sound
 from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information
 from thesis_lib.planning.positions import Body, Scene, candidate_positions, too_near
-from thesis_lib.planning.request import PlanRequest
+from thesis_lib.planning.request import MAX_CAMERAS, PlanRequest
+from thesis_lib.studies.fields import MAX_WIDTH_PX
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.templates import join_words
@@ -98,11 +99,16 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
             eased[field] = best.reached * np.sqrt(_grid_cost(free, n, request) / start)
     most = min(eased, key=lambda field: eased[field], default="")
     simulated = " in its simulation" if best.reached > best.error else ""
+    needs = (
+        (best.resolution[0] * ratio, MAX_WIDTH_PX, "px across"),
+        (np.ceil(n * ratio * ratio), MAX_CAMERAS, "cameras"),
+    )
+    ways = [f"about {needed:.0f} {unit}" for needed, bound, unit in needs if needed <= bound]
+    beyond = f"more than {MAX_WIDTH_PX} px across or {MAX_CAMERAS} cameras, the most of any plan"
     text = (
         f"plan: target_percent: given {target:g} %, but the best of these plans ({n} cameras, "
         f"{best.resolution[0]}×{best.resolution[1]} px) reaches {best.reached:.3g} %{simulated}; "
-        f"binding: resolutions_px and counts (it takes about {best.resolution[0] * ratio:.0f} px "
-        f"across, or {int(np.ceil(n * ratio**2))} cameras)"
+        f"binding: resolutions_px and counts (it takes {' or '.join(ways) or beyond})"
     )
     if most and eased[most] < 0.99 * best.reached:
         text += f"; of the limits on places {_text(request, most)} costs most "

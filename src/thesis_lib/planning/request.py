@@ -18,7 +18,8 @@ from thesis_lib.vibration.structure import Structure
 Coordinate = Annotated[fields.Real, Field(ge=-1e5, le=1e5)]
 Rise = Annotated[fields.Real, Field(ge=-90, le=90)]
 Tilt = Annotated[fields.Real, Field(gt=0, le=90)]
-Count = Annotated[fields.Whole, Field(ge=2, le=24)]
+MAX_CAMERAS = 24
+Count = Annotated[fields.Whole, Field(ge=2, le=MAX_CAMERAS)]
 Box = tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate]
 Sphere = tuple[Coordinate, Coordinate, Coordinate, fields.Positive]
 Sector = tuple[fields.Azimuth, fields.Azimuth, Rise, Rise]

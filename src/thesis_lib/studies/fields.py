@@ -305,7 +305,8 @@ Angle = Annotated[Real, Field(gt=0, lt=90)]
 HalfAperture = Annotated[Real, Field(gt=0, lt=180)]
 Azimuth = Annotated[Real, Field(ge=-360, le=360)]
 Elevation = Annotated[Real, Field(gt=0, le=90)]
-Width = Annotated[Whole, Field(ge=2, le=20_000)]
+MAX_WIDTH_PX = 20_000
+Width = Annotated[Whole, Field(ge=2, le=MAX_WIDTH_PX)]
 Mode = Annotated[Whole, Field(ge=1, le=30)]
 Resolution = tuple[Width, Width]
 Name = Annotated[
