@@ -402,7 +402,7 @@ IMPOSSIBLE = [
     ({"target_percent": 5.7, "resolutions_px": [[640, 360]], "distances_mm": [500, 500], "seed": 7},
      ["target_percent: given 5.7 %", "reaches 5.81 %"]),
     ({"tilt_deg": 5, "elevations_deg": [5, 30]}, ["binding", "tilt_deg=5.0"]),
-    ({"forbidden_spheres_mm": [[0, 0, 0, 2000]]}, ["forbidden_spheres_mm"]),
+    ({"forbidden_spheres_mm": [[0, 0, 0, 2000]]}, ["_spheres_mm=[[0.0, 0.0, 0.0, 2000.0]]"]),
     ({"separation_mm": 50_000}, ["2 cameras find no room", "separation_mm=50000.0"]),
     ({"in_view": 0.01, "focal_lengths_mm": [400]}, ["marker 1 of 25", "two cameras must see it"]),
 ]  # fmt: skip

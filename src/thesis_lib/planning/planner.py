@@ -22,7 +22,7 @@ from thesis_lib.planning import errors, positions, search, sound
 from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information
 from thesis_lib.planning.positions import Body, Scene, candidate_positions, too_near
 from thesis_lib.planning.request import MAX_CAMERAS, PlanRequest
-from thesis_lib.studies.fields import MAX_WIDTH_PX
+from thesis_lib.studies.fields import MAX_WIDTH_PX, format_given
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.templates import join_words
@@ -50,8 +50,7 @@ def ease_limits(scene: Scene) -> dict[str, Scene]:
 
 
 def _text(request: PlanRequest, field: str) -> str:
-    value = getattr(request, field)
-    return f"{field}={list(value) if isinstance(value, tuple) else value}"
+    return f"{field}={format_given(getattr(request, field))}"
 
 
 def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
