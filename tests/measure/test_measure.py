@@ -317,6 +317,8 @@ def test_the_sound_is_told_if_it_is_asked_for(measured, tmp_path):
     assert "<h2>Sound</h2>" in page
     assert "rigid wall (a baffle)" in page
     assert {"heard-1.wav", "radiated.csv"} <= {p.name for p in (folder / "measured").iterdir()}
+    line = line_of(thesis("compare", folder / "measured" / "measured.nc"), 2)
+    assert line.endswith("a result of `thesis measure`; compare takes those of `thesis run`")
 
 
 def with_tracks_of(measured, patch):

@@ -433,6 +433,8 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
     folder = tmp_path / "made"
     assert sorted(folder.glob("[!.]*")) == sorted(folder / name for name in PLAN_FILES)
     assert "cameras of" in done.out
+    said = thesis("compare", "made/plan.nc", cwd=tmp_path).err
+    assert said.endswith("a result of `thesis plan`; compare takes those of `thesis run`\n")
     with xr.open_dataset(folder / "plan.nc") as cube:
         assert all({"units", "long_name"} <= set(cube[name].attrs) for name in cube.variables)
         chosen = cube.isel(option=int(cube["chosen"]))

@@ -101,6 +101,9 @@ def read_cube(path: Path) -> xr.Dataset:
         In one line: the file, and what is wrong with it.
     """
     cube = rename_variables(storage.open_netcdf(path))
+    if command := _other_command(cube):
+        why = f"a result of `thesis {command}`; compare takes those of `thesis run`"
+        raise cubes.CubeError(f"{path}: {why}")
     try:
         problem = next(_problems(cube), "")
     except (TypeError, ValueError, IndexError, KeyError, OverflowError) as error:
@@ -108,6 +111,13 @@ def read_cube(path: Path) -> xr.Dataset:
     if problem:
         raise cubes.CubeError(f"{path}: not a cube of this project ({problem})")
     return cube
+
+
+def _other_command(cube: xr.Dataset) -> str:
+    """Return the command whose result this is, if it is another than run."""
+    if str(cube.attrs.get("source", "")).startswith("measurement by thesis_lib"):
+        return "measure"
+    return "plan" if cube.attrs.get("figure_set") == "plan" else ""
 
 
 def rename_variables(cube: xr.Dataset) -> xr.Dataset:
