@@ -234,7 +234,7 @@ def test_equal_runs_give_equal_bytes(tmp_path, monkeypatch):
     files = []
     study = validate_request("beam-distance", {"trials": 5})
     for commit, seconds in (("abc", 0.25), ("abc", 0.25), ("0123456789ab+", 123.456)):
-        monkeypatch.setattr(schema, "_commit", lambda commit=commit: commit)
+        monkeypatch.setattr(schema, "describe_commit", lambda commit=commit: commit)
         cube = with_provenance(studies.run(study), study, seconds)
         cube.attrs |= {"created": "2000-01-01T00:00:00+00:00", "peak_memory_mb": np.float64(300)}
         storage.write_netcdf(cube, tmp_path / "cube.nc")

@@ -178,7 +178,7 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
             "authors": ", ".join(one["name"] for one in cited["authors"]),
             "version": str(cited["version"]),
             "date": str(cited["date-released"]),
-            "commit": schema._commit(),
+            "commit": schema.describe_commit(),
         }
         text = f"window.thesisEdition={json.dumps(edition, ensure_ascii=False)};\n"
         (new / "_static" / "edition.js").write_text(text, encoding="utf-8")

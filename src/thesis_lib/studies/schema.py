@@ -204,8 +204,8 @@ THESIS_TITLE = "thesis on flexural vibration measurement with multiple cameras"
 RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 
 
-def _commit() -> str:
-    """Return the checkout's commit, with a plus sign if it has changes; `unknown` elsewhere."""
+def describe_commit() -> str:
+    """Describe the checkout's commit, with a plus sign if it has changes; `unknown` elsewhere."""
     try:  # without a checkout, git would report a repository around the package
         command = ["git", "-C", str(files.project_root()), "describe", "--always", "--abbrev=12"]
         command += ["--dirty=+", "--exclude=*"]
@@ -288,6 +288,6 @@ def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
         Conventions="CF-1.11",
         source=source,
         versions=json.dumps({"python": platform.python_version(), **versions}),
-        commit=_commit().ljust(16),  # fixed length: later bytes stay in place
+        commit=describe_commit().ljust(16),  # fixed length: later bytes stay in place
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
