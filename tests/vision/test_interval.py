@@ -17,35 +17,33 @@ posterior = interval.interval_estimate
 
 
 def on_grid(P, uv, sigma, about, spread, reach=5.0, number=61):
-    """Mean, covariance and log integral of one point's likelihood, summed over a fine grid."""
+    """Mean and covariance of one point's likelihood, summed over a fine grid."""
     axis = np.linspace(-reach, reach, number)
     steps = np.stack(np.meshgrid(axis, axis, axis, indexing="ij")).reshape(3, -1)
     root = np.linalg.cholesky(spread)
     points = about[:, None] + root @ steps
     away = project(P, points) - uv[:, :, None]
     mass = np.prod(ndtr((0.5 - away) / sigma) - ndtr((-0.5 - away) / sigma), axis=(0, 1))
-    cell = np.linalg.det(root) * (axis[1] - axis[0]) ** 3
     mean = points @ mass / mass.sum()
     apart = points - mean[:, None]
-    return mean, (apart * mass) @ apart.T / mass.sum(), np.log(mass.sum() * cell)
+    return mean, (apart * mass) @ apart.T / mass.sum()
 
 
 @pytest.mark.slow
 @pytest.mark.few(3)
 @pytest.mark.parametrize("n", [2, 3, 5])
 @pytest.mark.parametrize("sigma", [0.03, 0.1, 0.3])
-def test_mean_covariance_and_evidence_are_those_of_a_fine_grid(conforms, n, sigma):
+def test_mean_and_covariance_are_those_of_a_fine_grid(conforms, n, sigma):
     P, points = rig(n).P, box(8)
     uv = rounded(P, points, sigma)
     found = posterior(P, uv, sigma)
     assert found.feasible.all()
     for i in range(8):
         C = found.covariance[..., i]
-        mean, cov, total = on_grid(P, uv[:, :, i], sigma, found.points[:, i], C)
+        mean, cov = on_grid(P, uv[:, :, i], sigma, found.points[:, i], C)
         deviation = np.sqrt(np.diag(cov))
         conforms.independent((found.points[:, i] - mean) / deviation, 0, atol=0.15)
         conforms.independent(np.sqrt(np.diag(C)) / deviation, 1, atol=0.12)
-        conforms.independent(found.evidence[i], total, atol=0.12)
 
 
 def centroid(rows):
@@ -113,7 +111,6 @@ def test_order_of_cameras_their_scale_and_whole_pixels_do_not_matter(conforms, s
         interval.joint_interval(P, uv[:, :, None], sigma),
     ):
         conforms.invariance(other.points.reshape(3, 100), here.points, atol=1e-10)
-        conforms.invariance(other.evidence, here.evidence, atol=1e-7)
 
 
 def test_points_do_not_depend_on_how_they_are_laid_out(conforms):
@@ -270,15 +267,14 @@ def test_information_is_that_of_all_pixels_averaged_over_places(conforms):
 
 @pytest.mark.slow
 @pytest.mark.few(1)
-@pytest.mark.parametrize(("n", "sigma"), [(3, 0.3), (4, 0.1), (12, 0.02), (12, 0.1), (12, 0.4)])
+@pytest.mark.parametrize(("n", "sigma"), [(3, 0.1), (4, 0.03), (12, 0.02)])
 def test_noise_is_found_again(conforms, n, sigma):
     P = rig(n).P
     images = [rounded(P, box(400, seed), sigma, seed) for seed in range(5)]
     every = [interval.estimate_noise(P, uv) for uv in images]
     assert all(one.least <= one.best <= one.most for one in every)
-    conforms.sampled([one.best for one in every], sigma, atol=0.01 + 0.08 * sigma)
-    within = sum(one.least <= sigma <= one.most for one in every)
-    assert within >= 3 or sigma < 0.1  # 95 % of the intervals are meant to hold it
+    conforms.sampled(np.mean([one.best for one in every]), sigma, atol=0.012)
+    assert sum(one.least <= sigma <= one.most for one in every) >= 4  # of 95 % intervals
 
 
 def test_points_that_are_not_seen_are_left_out_and_without_any_it_is_refused(conforms):
