@@ -54,7 +54,9 @@ from thesis_lib.vision import pinhole, triangulation
 
 MIN_NOISE_PX = 1e-3  # least noise that is assumed: it gives the slabs walls of finite thickness
 _BLOCK_VALUES = 8000  # camera × point values per block: intermediate results stay in cache
-_MAX_SWEEPS = 5  # over all sites: the mean is then off by hundredths of its standard deviation
+# Over all sites: the mean is then off by some 0.04 of its standard deviation, for 50 to 150 cameras
+# at elevations below 10° by 0.06 to 0.13
+_MAX_SWEEPS = 5
 _DAMPING_RATIO = 0.8  # share of the change to its new value that a site makes in a sweep
 _MIN_FREE_PRECISION = 1e-4  # least precision of a coordinate without its site, over that with it
 _MAX_SIGMAS = 8.0  # standard deviations from which on a face counts as infinitely far
