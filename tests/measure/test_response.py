@@ -198,6 +198,21 @@ def test_the_blur_of_a_resonance_is_told():
     assert abs(told[1, at]) < 0.2 * abs(told[0, at])
 
 
+@pytest.mark.parametrize("frequency", [20.0, 20.06])
+def test_errors_hold_at_a_resonance_narrower_than_a_line(frequency):
+    """Segments of 8 s, and a half-power width of 0.08 Hz."""
+    force, rate, own = np.random.default_rng(0).normal(size=60_000), 100.0, 2 * np.pi * frequency
+    cut = result.cut_of(len(force), rate, 8.0)
+    lines = 2 * np.pi * np.fft.rfftfreq(len(force), 1 / rate), 2 * np.pi * cut.frequency
+    whole, true = (1 / (own**2 - line**2 + 0.004j * own * line) for line in lines)
+    moved = np.fft.irfft(whole * np.fft.rfft(force))
+    F, X = (result.segment_spectra(values[:, None], cut) for values in (force, moved))
+    found = result.receptance_of_segments(F[:, :, 0], X, cut, np.zeros(1))
+    at = int(np.argmax(np.abs(true)))
+    off = found["receptance_real"][:, 0, at] + 1j * found["receptance_imag"][:, 0, at] - true[at]
+    assert (np.abs(off) < 1.5 * found["standard_error"][:, 0, at]).all()
+
+
 # The whole chain.
 
 

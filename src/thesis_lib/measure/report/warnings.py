@@ -13,12 +13,11 @@ from thesis_lib.measure.calibration import rig, uncertainty
 from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR, known_rms
 from thesis_lib.measure.messages import NOTE_LIMITS, Note, make_note
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.response.result import wanted_interval
+from thesis_lib.measure.response.result import MAX_BLUR, wanted_interval
 from thesis_lib.studies.cubes import complex_of, iterate_slices
 
 # Settling time of a resonance over its time constant 1 / (2πζf): to e⁻⁴, 2 %
 SETTLING_TIME_CONSTANTS = 4.0
-MAX_BLUR = 0.15  # largest share by which a peak is lowered that is reliably estimated
 
 
 def check_shape(data: xr.Dataset) -> list[Note]:

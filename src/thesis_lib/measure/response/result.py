@@ -13,8 +13,10 @@ and its magnitude varies by γ² v only: the mean over both parts is (1 + γ²) 
 about the expectation of each estimator, its bias by noise included.
 
 The spectrum of a Hann window adds a sixth of each line's power to either neighbour, which blurs
-narrow resonances. A rough and noisy deconvolution serves to estimate the size of this bias. A whole
-recording lacks the motion after its end, which is extrapolated to estimate the size of this bias.
+narrow resonances. A rough and noisy deconvolution serves to estimate the size of this bias. It
+fails for a resonance narrower than about 1.5 lines, where the error of each estimator is close to
+the largest of its differences from the two others. A whole recording lacks the motion after its
+end, which is extrapolated to estimate the size of this bias.
 """
 
 from collections.abc import Sequence
@@ -42,6 +44,8 @@ HANN_SHARE = 1 / 6  # share of a line's power that a Hann window adds to each ne
 #: receptance: twice the mean of (1 − 1/k)² S over all θ, with k = 2/3 + cos θ / 3 of the window
 #: and S = 1 + 8/9 cos θ + cos 2θ / 18 of the noise of overlapping lines
 BLUR_BY_NOISE = 0.62
+MAX_BLUR = 0.15  # largest share by which a peak is lowered that is reliably estimated
+MAX_NOISE_SHARE = 0.1  # of the power, up to which estimators differ by blur and not by noise
 RECORDING_PARTS = 8  # default segment lengths in a random recording, and parts to check ringing
 END_PARTS = 32  # parts of a recording whose last two are compared if its force never ends
 FREE_FORCE_RATIO = 0.05  # of the largest force, below which motion counts as free
@@ -131,6 +135,9 @@ def receptance_of_segments(
     if cut.count > 1:
         squares = np.abs(estimate_blur(first)) ** 2 - BLUR_BY_NOISE * scatter
         blur = np.sqrt(np.maximum(squares, 0))
+        narrow = (blur.max(axis=0) > MAX_BLUR * np.abs(first)) & (noise < MAX_NOISE_SHARE * xx)
+        spread = np.abs(whole[:, None] - whole).max(axis=0)
+        blur = np.maximum(blur, np.where(narrow, spread, 0))
     error = np.hypot(np.sqrt(scatter), blur)
     receptance = whole.transpose(0, 2, 1)
     mobility = 2j * np.pi * cut.frequency * receptance
