@@ -31,9 +31,11 @@ def test_harmonics_by_parts_are_those_of_the_whole(conforms):
     conforms.invariance(found.covariance, whole.covariance, rtol=1e-9)
 
 
-def tracks(folder, frequency, rates=(60.0, 60.0), seconds=4.0, noise=0.03, growth=0.0, size=5.0):
+def tracks(
+    folder, frequency, rates=(60.0, 60.0), seconds=4.0, noise=0.03, growth=0.0, size=5.0, seed=3
+):
     """Tracks on disk of cameras of their own clocks that see 8 markers move at a frequency."""
-    rng, made = np.random.default_rng(3), []
+    rng, made = np.random.default_rng(seed), []
     for k, rate in enumerate(rates):
         delay = 0.137 * k
         t = np.arange(int(seconds * rate)) / rate + delay
@@ -84,6 +86,17 @@ def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequ
     bound = np.sqrt(6 * 0.03**2 / (power * 60 * 9.8**3)) / np.pi
     conforms.sampled(found.deviation, above=0.4 * bound, below=3 * bound)
     conforms.sampled(abs(found.frequency - frequency), below=5 * bound)
+
+
+@pytest.mark.parametrize("rates", [(60.0, 60.0), (60.0,)])
+def test_intervals_from_few_parts_hold_the_frequency(tmp_path, rates):
+    found = [
+        phase_advance(tracks(tmp_path, 4.25, rates, 1.2, seed=seed), 0.15, 1.2, 4.25, 2)
+        for seed in range(80)
+    ]
+    off = np.array([abs(one.frequency - 4.25) for one in found])
+    assert np.mean(off < [1.96 * one.deviation for one in found]) > 0.85
+    assert np.mean(off < [one.margin for one in found]) > 0.97
 
 
 @pytest.mark.parametrize("kind", ["beam", "plate"])

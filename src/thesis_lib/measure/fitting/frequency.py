@@ -41,8 +41,10 @@ class Advance:
     """Change of the motion's phase and amplitude over the recording."""
 
     frequency: float  #: Frequency in Hz at which the phase is constant
-    #: Its standard error in Hz, from the scatter of the parts; NaN with fewer than three parts
+    #: Its standard error in Hz, from the scatter of the parts, by Student's t for few of them so
+    #: large that ±1.96 of it hold 95 %; NaN with fewer than three parts
     deviation: float
+    margin: float  #: Half of its 99.7 % interval, Hz
     growth: float  #: Change of the amplitude over the whole recording, relative to its mean
 
 
@@ -123,22 +125,28 @@ def phase_advance(
     parts, the complex amplitudes rotate by 2π (f − f₀) t; the slope of that phase corrects f₀.
     """
     for _ in range(2):  # the mean is larger once the parts are in phase
-        middles, turns, sizes, weights = _fit_parts(recordings, begin, end, frequency, order)
+        middles, turns, sizes, weights, cameras = _fit_parts(
+            recordings, begin, end, frequency, order
+        )
         if len(middles) < 3:
-            return Advance(frequency, np.nan, 0.0)
-        slope, deviation = _fit_slope(middles, turns, weights)
+            return Advance(frequency, np.nan, np.nan, 0.0)
+        slope, error, freedom = _fit_slope(middles, turns, weights, cameras)
         frequency += slope / (2 * np.pi)
-    growth, _ = _fit_slope(middles, sizes, weights)
-    return Advance(frequency, deviation / (2 * np.pi), growth * (end - begin))
+    within_95, within_997 = error / (2 * np.pi) * scipy.special.stdtrit(freedom, [0.975, 0.99865])
+    growth, *_ = _fit_slope(middles, sizes, weights, cameras)
+    return Advance(frequency, within_95 / 1.96, within_997, growth * (end - begin))
 
 
 def _fit_parts(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
-) -> tuple[Array, Array, Array, Array]:
-    """Return middles, phases in rad, relative sizes and weights of all cameras' parts, (parts,)."""
+) -> tuple[Array, ...]:
+    """Return middles, phases in rad, sizes, weights and cameras of all cameras' parts, (parts,).
+
+    Phases and sizes are relative to the mean of each camera.
+    """
     omega = 2 * np.pi * frequency
-    middles, turns, sizes, weights = [], [], [], []
-    for own in recordings:
+    middles, turns, sizes, weights, cameras = [], [], [], [], []
+    for camera, own in enumerate(recordings):
         first, last = own.between(begin, end)
         count = int(np.clip((last - first) // MIN_PART_FRAMES, 1, PHASE_PARTS))
         amplitudes, times = [], []
@@ -163,32 +171,40 @@ def _fit_parts(
         turns += list(np.unwrap(np.angle(against)))
         sizes += list(np.abs(against))
         weights += [float(np.vdot(mean, mean).real)] * len(times)
-    return np.array(middles), np.array(turns), np.array(sizes), np.array(weights)
+        cameras += [camera] * len(times)
+    return tuple(map(np.array, (middles, turns, sizes, weights, cameras)))
 
 
-def _fit_slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
-    """Fit a weighted slope of y over x, with its standard error (HC2 of MacKinnon and White)."""
+def _fit_slope(x: Array, y: Array, weight: Array, camera: Array) -> tuple[float, float, float]:
+    """Fit one weighted slope of y over x, with an offset and a scatter of y for every camera.
+
+    Return it with its standard error, and the degrees of freedom of the latter (Welch and
+    Satterthwaite).
+    """
+    own = np.equal.outer(np.unique(camera), camera).astype(float)  # parts of each camera
+    number = own.sum(axis=1)
+    dx, dy = x - (own @ x / number) @ own, y - (own @ y / number) @ own
     w = weight / weight.sum()
-    dx, dy = x - w @ x, y - w @ y
     spread = float(w @ dx**2)
     slope = float(w @ (dx * dy)) / spread
-    residual = dy - slope * dx
-    own = np.minimum(w + w * dx**2 / spread, 0.99)  # leverage of each part
-    return slope, float(np.sqrt(w**2 @ (residual**2 / (1 - own) * dx**2))) / spread
+    free = number - 1 - own @ (w * dx**2) / spread
+    shares = own @ (w * dx) ** 2 * (own @ (dy - slope * dx) ** 2) / free / spread**2
+    variance = float(shares.sum())
+    return slope, variance**0.5, variance**2 / float(np.sum(shares**2 / free))
 
 
 def refine_frequency(start: float, motion: Advance, sound: xr.Dataset) -> float:
     """Return the frequency in Hz for the fit: `start`, or that of tracks or sound if it differs.
 
-    The more precise of the two replaces `start` if it is more than three standard errors away.
+    The more precise of the two replaces `start` if this is outside of its 99.7 % interval.
     """
     found = [
-        (motion.deviation, motion.frequency),
-        (float(sound["of_sound_deviation"]), float(sound["of_sound"])),
+        (motion.margin, motion.frequency),
+        (3 * float(sound["of_sound_deviation"]), float(sound["of_sound"])),
     ]
-    known = [(error, value) for error, value in found if np.isfinite([error, value]).all()]
-    error, value = min(known, default=(np.nan, start))
-    return value if abs(value - start) > 3 * error else start
+    known = [(margin, value) for margin, value in found if np.isfinite([margin, value]).all()]
+    margin, value = min(known, default=(np.nan, start))
+    return value if abs(value - start) > margin else start
 
 
 def estimate_paces(
