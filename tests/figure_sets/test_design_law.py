@@ -176,10 +176,11 @@ def test_weighted_error_is_the_quadratic_form_of_the_covariance(conforms):
     x, w = random.uniform(-3, 3, (2, 40)), random.normal(size=(2, 40))
     C = rounding.error_covariance(x[:, :, None] - x[:, None])
     exact = np.sqrt(np.einsum("ti,tij,tj->t", w, C, w))
-    conforms.independent(cone_law.error_of_sum(x, w), exact, rtol=5e-3)
-    # One coordinate alone: 1/12; the same twice with opposite weights: nothing.
-    conforms.closed_form(cone_law.error_of_sum([0.3], [1]), np.sqrt(1 / 12), rtol=2e-3)
-    conforms.closed_form(cone_law.error_of_sum([0.3, 5.3], [1, -1]), 0, atol=1e-9)
+    conforms.independent(cone_law.error_of_sum(x, w), exact, rtol=1e-12)
+    # One coordinate alone: 1/12; a motion of whole pixels: nothing; of d px: d (1 − d)
+    conforms.closed_form(cone_law.error_of_sum([0.3], [1]), np.sqrt(1 / 12), rtol=1e-12)
+    conforms.closed_form(cone_law.error_of_sum([0.3, 5.3], [1, -1]), 0, atol=1e-7)
+    conforms.closed_form(cone_law.error_of_sum([3, 3.0001], [1, -1]) ** 2, 9.999e-5, rtol=1e-9)
 
 
 @given(st.floats(1e6, 1e10), st.integers(2, 64), st.floats(1, 1000))

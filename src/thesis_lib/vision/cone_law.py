@@ -34,7 +34,6 @@ ISOTROPIC_ANGLE_RAD = np.arcsin(np.sqrt(2 / 3))
 # within 1 % of the law of rounding with the gains of the moved point, for pairs at elevations of
 # 5° to 85° and apertures of 8° to 180°.
 MAX_MOTION_FRACTION = 0.01
-_SERIES_TERMS = 400  # of the Fourier series of a rounding error
 
 
 def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
@@ -142,17 +141,21 @@ def error_of_sum(positions_px: ArrayLike, weights: ArrayLike) -> Array:
     """Return the rms of weighted sums of rounding errors on one randomly shifted grid, shape (...).
 
     It is the square root of wᵀ C w with the covariance C of
-    :func:`thesis_lib.vision.rounding.error_covariance`, from its Fourier series Σ |Σ_t w_t e^{2πik
-    x_t}|² / (2π²k²), which needs n numbers at a time, not n². Exact coordinates x_t (..., n) are in
-    px; weights w_t (..., n), such as a row of a fit's pseudo-inverse, give the result its unit.
+    :func:`thesis_lib.vision.rounding.error_covariance`. As the grid moves, the sum rises evenly by
+    Σ w per pixel, and falls by w_t where it passes x_t. Exact coordinates x_t (..., n) are in px;
+    weights w_t (..., n), such as a row of a fit's pseudo-inverse, give the result its unit.
     """
-    turn = np.exp(2j * np.pi * np.asarray(positions_px, float))
-    term = np.asarray(weights, float) * turn
-    total = np.zeros(term.shape[:-1])
-    for k in range(1, _SERIES_TERMS + 1):
-        total += np.abs(term.sum(axis=-1)) ** 2 / k**2
-        term *= turn
-    return np.asarray(np.sqrt(total / 2) / np.pi)
+    x, w = np.broadcast_arrays(np.asarray(positions_px, float) % 1, np.asarray(weights, float))
+    order = np.argsort(x, axis=-1)
+    end = [(0, 0)] * (x.ndim - 1)
+    passed = np.pad(np.cumsum(np.take_along_axis(w, order, -1), axis=-1), [*end, (1, 0)])
+    grid = np.pad(np.take_along_axis(x, order, -1), [*end, (1, 1)], constant_values=(0, 1))
+    step = np.diff(grid)
+    total = passed[..., -1:]
+    begin, stop = total * grid[..., :-1] - passed, total * grid[..., 1:] - passed
+    mean = np.sum(step * (begin + stop) / 2, axis=-1, keepdims=True)
+    begin, stop = begin - mean, stop - mean
+    return np.asarray(np.sqrt(np.sum(step * (begin**2 + begin * stop + stop**2), axis=-1) / 3))
 
 
 def equal_pixel_rate(

@@ -24,7 +24,7 @@ from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulation_gain
 
 FRAME_VARIANCE_PX2 = 1 / 12  # variance of one rounded coordinate in px²
-_HARMONIC_COUNT = 2000  # without motion or shake the remainder is 1/(2π²k) = 2.5e-5 px²
+_HARMONIC_COUNT = 2000  # without motion or shake a mean lacks 1/(2π²k) = 2.5e-5 px²
 _HARMONICS_PER_PASS = 100  # harmonics at a time, which bounds the memory
 _LATTICE_RADIUS = 60  # harmonics of the plane within it are summed one by one, others on average
 
@@ -41,19 +41,24 @@ def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> A
 def amplitude_variance(amplitude_px: ArrayLike, shake_px: ArrayLike = 0.0) -> Array:
     """Return variance of a rounded sinusoid's amplitude 2⟨u cos θ⟩ from infinitely many frames.
 
-    J₁ replaces the J₀ of the mean: Σ_k 2 J₁(2πka)² exp(−4π²k²s²) / (π²k²) px². Below
-    half a pixel most grids show no motion at all, and the others too much. Without
-    shake it is near 16 a / (3π²) for small amplitudes, and ζ(3) / (π⁴ a) for those of some pixels.
+    J₁ replaces the J₀ of the mean: Σ_k 2 J₁(2πka)² exp(−4π²k²s²) / (π²k²) px². Below half a pixel
+    most grids show no motion at all, and the others too much: without shake the sum is
+    16 a / (3π²) − a². It is near ζ(3) / (π⁴ a) for amplitudes of some pixels. A shake below 1e-3 px
+    needs more harmonics than are summed.
     """
-    return _sum_harmonics(lambda k, a: 2 * j1(2 * np.pi * k * a) ** 2, amplitude_px, shake_px)
+    total = _sum_harmonics(lambda k, a: 2 * j1(2 * np.pi * k * a) ** 2, amplitude_px, shake_px)
+    a = np.abs(np.asarray(amplitude_px, float))
+    closed = (a <= 0.5) & (np.asarray(shake_px) == 0)
+    return np.where(closed, 16 * a / (3 * np.pi**2) - a**2, total)
 
 
 def useful_frames(amplitudes_px: ArrayLike) -> Array:
     """Return the useful number of frames: 1/6 px² over the mean of :func:`amplitude_variance`.
 
     An amplitude fitted to n independent roundings has the variance 1/(6n) px². At this n, about
-    π⁴ a / (6 ζ(3)) or 13.5 a, it equals the variance that repeated roundings leave for any n. The
-    mean is over the last axis of the amplitudes (..., vibrations).
+    π⁴ a / (6 ζ(3)) or 13.5 a, it equals the variance that repeated roundings leave for any n; both
+    together are about twice as large. The mean is over the last axis of the amplitudes
+    (..., vibrations).
     """
     return np.asarray(1 / (6 * np.mean(amplitude_variance(amplitudes_px), axis=-1)))
 
