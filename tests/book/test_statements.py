@@ -135,8 +135,9 @@ def test_estimators_by_number_of_cameras():
 def test_noise_and_the_interval_estimator():
     law = book("design-law")
     tolerance = law["equal_pixels_tolerated_noise"].sel(count=slice(3, None))  # two gain nothing
-    assert (tolerance.sel(approach="interval") > 0.06).all()  # "near a tenth of a pixel"
-    assert (tolerance.sel(approach="interval") < 0.1).all()  # "less than a tenth"
+    soft = tolerance.sel(approach="interval").values  # "at 0.07 to 0.1 px, less the more cameras"
+    assert 0.065 < soft[-1] < 0.85 * soft.max()
+    assert soft.max() < 0.1
     centre = tolerance.sel(approach="analytic centre").values
     assert centre[-1] < 0.25 * centre[0]
     noisy = law["noisy_share_error"].sel(image_noise=slice(0.3, None))
