@@ -10,7 +10,7 @@ as much again, so every camera's images are corrected for its own direction.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import RBFInterpolator
+import scipy
 
 from thesis_lib.arrays import Array, ArrayLike, ComplexArray
 from thesis_lib.measure.fitting.harmonics import Fitted, amplitude_std, deflection_amplitude
@@ -80,7 +80,8 @@ def fit_correction(P: Array, rest: Rest, w: Array | ComplexArray) -> EdgeCorrect
     curved = unit - plane @ np.linalg.pinv(plane)
     shifts, changes = [], []
     for kernel in ("quintic", "cubic") if whole else ("cubic", "thin_plate_spline"):
-        around = RBFInterpolator(p.T, unit, kernel=kernel)(edge).reshape(len(x), EDGE_POINTS, -1)
+        surface = scipy.interpolate.RBFInterpolator(p.T, unit, kernel=kernel)
+        around = surface(edge).reshape(len(x), EDGE_POINTS, -1)
         mean = 2 / EDGE_POINTS * np.einsum("ae,be,kej->abkj", normal, normal, around)
         shifts.append((mean - np.eye(2)[:, :, None, None] * unit) @ curved)
         loss = np.einsum("kab,abkj->kj", share, shifts[-1])
