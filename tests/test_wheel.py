@@ -151,7 +151,8 @@ def test_the_example_needs_no_clone(reader):
     with subprocess.Popen(
         command, **given, stdout=-1, stderr=-1, text=True, preexec_fn=hears_signals
     ) as running:
-        assert running.stdout.readline() == "rendering camera A, 1 of 3\n", running.communicate()
+        first = running.stdout.readline()  # of two threads
+        assert first.startswith("rendering camera "), running.communicate()
         running.send_signal(signal.SIGINT)
         _, said = running.communicate(timeout=60)
     assert running.returncode == 130, said
