@@ -77,6 +77,12 @@ def start_network(observations: Array, points: Array, cameras: Sequence[Camera])
     return Network(tuple(placed[c] for c in sorted(placed)), *map(np.array, poses))
 
 
+def spread_points(points: Array, observations: Array) -> Array:
+    """Broadcast the board's points (3, n) to all images, (cameras, poses, 3, n)."""
+    cameras, shots, _, count = observations.shape
+    return np.broadcast_to(points, (cameras, shots, 3, count))
+
+
 def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
     """Return the rotation and translation from a board to a camera, from points at the same z.
 
@@ -265,7 +271,7 @@ def adjust_bundle(
         If cameras or board poses are not connected by common images, if the steps do not converge,
         or if the images do not determine all unknowns.
     """
-    points = np.broadcast_to(points, (*observations.shape[:2], *points.shape[-2:]))
+    points = spread_points(points, observations)
     network = start_network(observations, points, cameras)
     free = np.full(network.unknowns, lenses)
     free[: POSE_UNKNOWNS * (len(cameras) + len(network.rotations))] = True

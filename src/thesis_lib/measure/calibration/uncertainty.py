@@ -117,7 +117,7 @@ def _image_contributions(
 ) -> tuple[Array, Array]:
     """Return each board pose's contributions Nₛ (poses, 14 n, 14 n) and gₛ (poses, 14 n)."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
-    points = np.broadcast_to(points, (*observations.shape[:2], *points.shape[-2:]))
+    points = bundle.spread_points(points, observations)
     n, shots = seen.shape
     sides = np.zeros((shots, (bundle.POSE_UNKNOWNS + bundle.LENS_UNKNOWNS) * n))
     matrices = np.zeros((*sides.shape, sides.shape[1]))
@@ -182,8 +182,7 @@ def jackknife_rig(
     it is estimated from each camera's own images.
     """
     used = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]
-    points = board.corners_in_images(used)
-    points = np.broadcast_to(points, (*used.shape[:2], *points.shape[-2:]))
+    points = bundle.spread_points(board.corners_in_images(used), used)
     if full.deviations.any():  # the lenses were adjusted: once more, starting from the result
         return jackknife_cameras(used, points, bundle.adjust_bundle(used, points, full.cameras))
     cameras = jackknife_cameras(used, points, full)
