@@ -373,7 +373,7 @@ def _retime_frames(source: Path, target: Path, rate: float) -> None:
     if len(clock) == len(order):  # else some are hidden, or cannot be decoded
         stamps, unit = order, 1 / Fraction(rate).limit_denominator(1001)
         if len(clock) > 2 and np.ptp(np.diff(clock)) >= 1e-9:  # unevenly spaced
-            pace, unit = media_info.playback_rate(source) / rate, TIME_UNIT_S
+            pace, unit = media_info.playback_rate(clock, rate) / rate, TIME_UNIT_S
             stamps = np.rint(clock[order] * pace / float(unit)).astype(int)
         try:
             whole_file(target, lambda part: _copy(source, part, stamps, unit))

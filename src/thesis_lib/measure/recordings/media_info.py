@@ -332,15 +332,13 @@ def rate_of(clock: Array, nominal: float) -> float:
     return nominal if abs(mean / nominal - 1) < 1e-12 else mean
 
 
-def playback_rate(path: Path) -> float:
-    """Return the frames per second at which a video plays, dropped frames included, in Hz.
+def playback_rate(clock: Array, nominal: float) -> float:
+    """Return a clock's frames per second, dropped frames included; else as :func:`rate_of`.
 
     Slow motion is scaled by this rate: dropped frames lower the mean rate, but not the interval of
-    the others. A :class:`MediaError` is raised as by :func:`frame_clock`.
+    the others.
     """
-    clock = frame_clock(path)
-    steps = np.diff(clock)
-    mean = rate_of(clock, probe_media(path).frame_rate)
+    mean, steps = rate_of(clock, nominal), np.diff(clock)
     if not len(steps):
         return mean
     # A mean, since the median of time stamps in ms is up to half a millisecond off

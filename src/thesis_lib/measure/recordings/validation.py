@@ -62,7 +62,8 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
         raise MediaError(f"{path}: ends before frame {len(clock)}, the file says {says}")
     if camera.captured_hz is None:
         return clock
-    return np.asarray(clock * (media_info.playback_rate(path) / camera.captured_hz))
+    plays = media_info.playback_rate(clock, info.frame_rate)
+    return np.asarray(clock * (plays / camera.captured_hz))
 
 
 def check_excitation(manifest: Manifest) -> Iterator[str]:
@@ -138,7 +139,12 @@ def _check_force(manifest: Manifest, folder: Path) -> Iterator[str]:
 def is_slowed(path: Path) -> bool:
     """Return whether a video states a capture rate that differs from its playback rate."""
     taken = media_info.probe_media(path).captured_hz
-    return taken is not None and abs(taken / media_info.playback_rate(path) - 1) > RATE_TOLERANCE
+    return taken is not None and abs(taken / _playback_rate(path) - 1) > RATE_TOLERANCE
+
+
+def _playback_rate(path: Path) -> float:
+    nominal = media_info.probe_media(path).frame_rate
+    return media_info.playback_rate(media_info.frame_clock(path), nominal)
 
 
 def _check_video(
@@ -152,7 +158,7 @@ def _check_video(
         yield f"{rate}, its frame_rate_hz; slow motion has the sensor's rate in captured_hz"
     yield from _check_size(info.size, camera)
     if camera.captured_hz is None and is_slowed(path):
-        taken, plays = f"{info.captured_hz:.6g}", f"{media_info.playback_rate(path):.6g}"
+        taken, plays = f"{info.captured_hz:.6g}", f"{_playback_rate(path):.6g}"
         yield (
             f"it says that it was taken at {taken} frames per second, and plays at {plays}; "
             f"allowed: captured_hz: {taken} in the manifest, or {plays} if that is its true speed"
@@ -166,7 +172,7 @@ def _check_video(
         yield "no audio track, allowed: one, or a steady vibration with excitation.sound: none"
     if info.duration is not None:  # slow motion took less time than it plays for
         slow = camera.captured_hz
-        took = info.duration * (media_info.playback_rate(path) / slow if slow else 1)
+        took = info.duration * (_playback_rate(path) / slow if slow else 1)
         if took <= rest:
             yield f"{took:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
         if heard and abs((info.sound_end or info.duration) - info.duration) > MAX_END_GAP_S:
